@@ -71,8 +71,8 @@ BallLayout BallSearch::layout_of(const std::vector<EffectSpec>& terms) const {
   return out;
 }
 
-BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms,
-                               const BallSolution* start) const {
+BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms, const BallSolution* start,
+                               double) const {
   BallLayout layout = layout_of(terms);
   std::vector<bool> fresh(layout.parameters.size(), true);
   if (start)

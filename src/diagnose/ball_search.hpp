@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "core/constants.hpp"
 #include "diagnose/window_case.hpp"
 #include "identify/ball_path.hpp"
 
@@ -28,8 +29,11 @@ class BallSearch {
              std::function<bool(const std::string&, int)> progress);
 
   /// From the parameters and states of `start`, and from where the effects that are new to it say
-  /// that a search begins.
-  BallSolution solve(const std::vector<EffectSpec>& terms, const BallSolution* start) const;
+  /// that a search begins. A ball's fit goes on to its end, whatever there is to beat.
+  BallSolution solve(const std::vector<EffectSpec>& terms, const BallSolution* start,
+                     double to_beat = kInfinity) const;
+  /// Cost up to which a fit might come within some ΔBIC of another; +∞: any.
+  double reach(const BallSolution&, const BallSolution&, double) const { return kInfinity; }
   /// Best first. Those of `candidates` that are terms already are left out. Nothing: stopped.
   std::vector<WindowScore> scores(const BallSolution& at,
                                   const std::vector<EffectSpec>& candidates) const;

@@ -1,7 +1,7 @@
 #pragma once
 /// First states of windows from simulated positions alone. Internal to diagnose/.
 
-#include "motion/sensitivities.hpp"
+#include "motion/joint_windows.hpp"
 
 namespace diffnea {
 

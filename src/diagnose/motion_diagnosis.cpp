@@ -23,6 +23,10 @@ namespace {
 /// Windows below which some cannot be held out and the rest tell anything.
 constexpr double kFewestWindows = 8.0;
 
+/// Mean square over that of the noise from which more than noise is left: reads of a joint at rest
+/// are rounded alike, and up to half of the encoder's noise does not show in its signal.
+constexpr double kUnseenNoise = 2.0;
+
 struct MotionCase : WindowCase<MotionSearch> {
   using WindowCase::WindowCase;
 };
@@ -72,7 +76,7 @@ bool has_supply(const std::vector<Recording>& recordings, Candidate& c) {
 /// Candidates beside the base; the rest is refused by name, once.
 std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOptions& options,
                                          const std::vector<Recording>& recordings,
-                                         Finding& finding) {
+                                         const VecX<double>& noise, Finding& finding) {
   std::vector<Candidate> out;
   const std::vector<bool> led = led_joints(base);
   for (Candidate& c : candidates_for(base, options)) {
@@ -83,9 +87,10 @@ std::vector<Candidate> candidates_beside(const Model& base, const DiagnoseOption
                                  "not tried: no row has a supply (a column voltage or voltage_" +
                                      spec.where + " [V], above 0)",
                                  0.0});
-    else if (can_be_simulated(c, led))
+    else if (can_be_simulated(c, led)) {
+      sharpen(noise, c.effect);
       out.push_back(std::move(c));
-    else if (c.effect.info().port == Port::kMemory || !options.effects.empty())
+    } else if (c.effect.info().port == Port::kMemory || !options.effects.empty())
       finding.refused.push_back(
           {spec.effect, spec.where, "not tried: simulated runs have no derivative by it", 0.0});
   }
@@ -102,20 +107,46 @@ double horizon_of(double reached, const MotionData& data, bool has_test) {
   return std::min(reached, seconds / kFewestWindows);
 }
 
-/// Leaves out causes that may be of size zero; they are not tried again.
+/// Why a cause is none beside the others; empty: it is one.
+/// @param less  the best solution without it, fitted from there
+std::string why_nothing(const MotionCase& c, const EffectSpec& t, const MotionSolution& less) {
+  if (c.search->may_be_nothing(c.best, t)) return "may be of size zero beside the others";
+  if (c.search->is_hidden(less, c.best))
+    return "changes simulated runs by less than the encoders' noise";
+  if (c.search->delta_bic(less, c.best) < c.options.accept_delta_bic)
+    return "the rest of the model explains it, fitted anew";
+  return "";
+}
+
+/// Leaves out causes that are none beside the others; they are not tried again.
 void drop_nothing(MotionCase& c) {
   for (bool dropped = true; dropped && c.go_on();) {
     dropped = false;
     for (const EffectSpec& t : c.best.terms) {
-      if (!c.search->may_be_nothing(c.best, t)) continue;
       MotionSolution less = c.search->solve(without_effect(c.best.terms, t), &c.best);
-      windows::refuse(c, t, "may be of size zero beside the others",
-                      c.search->delta_bic(less, c.best));
+      const std::string why = why_nothing(c, t, less);
+      if (why.empty()) continue;
+      windows::refuse(c, t, why, c.search->delta_bic(less, c.best));
       c.candidates = without_effect(c.candidates, t);
       c.best = std::move(less);
       dropped = true;
       break;
     }
+  }
+}
+
+/// The first cause gives way to one that was scored above it, if that does better beside a base
+/// which is fitted anew: from the first base, its own fit may have ended short.
+void exchange_first(MotionCase& c) {
+  if (c.best.terms.size() != 1 || !c.go_on()) return;
+  const EffectSpec first = c.best.terms.front();
+  const MotionSolution less = c.search->solve({}, &c.best);
+  for (const WindowScore& s : c.first_scores) {
+    if (same_effect(s.effect, first) || !c.go_on()) return;
+    MotionSolution other = c.search->solve({s.effect}, &less, c.search->reach(less, c.best, 0.0));
+    if (!(c.search->delta_bic(c.best, other) > 0.0)) continue;
+    c.best = std::move(other);
+    return;
   }
 }
 
@@ -178,7 +209,7 @@ void require_own_base(const DiagnoseOptions& options) {
 /// Fits the base, and what it lacks.
 void search(MotionCase& c, const Model& base, const MotionSearchData& of) {
   std::vector<Candidate> candidates =
-      candidates_beside(base, c.options, of.train.sample(), c.finding);
+      candidates_beside(base, c.options, of.train.sample(), of.data.noise.position, c.finding);
   for (const Candidate& one : candidates)
     c.candidates.push_back({one.effect.info().name, one.effect.where, {}});
   c.search = std::make_unique<MotionSearch>(
@@ -190,8 +221,19 @@ void search(MotionCase& c, const Model& base, const MotionSearchData& of) {
                     most = c.options.max_causes > 0
                                ? static_cast<std::size_t>(c.options.max_causes)
                                : std::max<std::size_t>(8, 3 * joints);
-  if (c.go_on()) select_windows(c, most, [&c] { drop_nothing(c); });
+  if (c.go_on())
+    select_windows(
+        c, most,
+        [&c] {
+          exchange_first(c);
+          drop_nothing(c);
+        },
+        [] { return false; }, [&c] { return c.search->is_at_noise(c.best); });
   if (c.go_on()) c.best = c.search->with_told_sizes(c.best);
+  // Beside its causes a drive may have been found where the base alone had not come.
+  if (c.go_on() && !c.best.terms.empty())
+    if (MotionSolution back = c.search->solve({}, &c.best); back.cost < c.base.cost)
+      c.base = std::move(back);
 }
 
 void describe_candidates(MotionCase& c) {
@@ -233,7 +275,7 @@ void describe_causes(MotionCase& c) {
 void judge(MotionCase& c) {
   Finding& f = c.finding;
   const auto is_class = [](const Cause& x) { return x.verdict == Verdict::kClass; };
-  if (f.gain.after * f.gain.after > kLeft && f.gain.explained_share < kExplained)
+  if (f.gain.after * f.gain.after > kUnseenNoise && f.gain.explained_share < kExplained)
     f.verdict = Verdict::kUnknown;
   else if (f.causes.empty())
     f.verdict = f.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;

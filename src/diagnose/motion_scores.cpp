@@ -39,7 +39,26 @@ struct MotionSearch::Variant {
 };
 
 std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
-                                              const std::vector<EffectSpec>& candidates) const {
+                                              const std::vector<EffectSpec>& candidates) {
+  Known& of = known(at.terms, at.held);
+  const bool is_best = of.best && of.best->cost == at.cost;
+  if (is_best && !of.scores.empty() && std::ranges::all_of(candidates, [&](const EffectSpec& e) {
+        return holds_effect(of.scored, e);
+      })) {
+    std::vector<WindowScore> out = of.scores;
+    std::erase_if(out, [&](const WindowScore& s) { return !holds_effect(candidates, s.effect); });
+    return out;
+  }
+  std::vector<WindowScore> out = new_scores(at, candidates);
+  if (is_best) {
+    of.scored = candidates;
+    of.scores = out;
+  }
+  return out;
+}
+
+std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
+                                                  const std::vector<EffectSpec>& candidates) const {
   std::vector<WindowScore> out;
   // Beside effects that read accelerations a simulation takes other steps.
   std::vector<std::vector<Variant>> explicit_passes, implicit_passes;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include <diffnea/effects/stepping.hpp>
 
@@ -24,6 +25,20 @@ long count(const std::vector<MotionStretch>& stretches, const std::vector<Motion
     out += (q == q).count();
   }
   return out;
+}
+
+std::vector<std::string> names_of(const std::vector<EffectSpec>& terms) {
+  std::vector<std::string> out;
+  for (const EffectSpec& t : terms) out.push_back(t.where + "." + t.effect);
+  std::ranges::sort(out);
+  return out;
+}
+
+/// Mean square of each joint's errors, (n), over rows that have one.
+Eigen::ArrayXd mean_squares(const RowMatX<double>& errors) {
+  const auto known = errors.array() == errors.array();
+  return known.select(errors.array().square(), 0.0).colwise().sum().transpose() /
+         known.cast<double>().colwise().sum().transpose().max(1.0);
 }
 
 /// Scales of its joint's drive at which a cause may have to be looked for: where the model lacks
@@ -131,36 +146,62 @@ MotionSolution MotionSearch::at_scale(MotionSolution of, const std::string& join
   return of;
 }
 
+MotionSearch::Known& MotionSearch::known(const std::vector<EffectSpec>& terms,
+                                         const std::vector<std::string>& held) {
+  std::vector<std::string> key = names_of(terms);
+  std::ranges::copy(held, std::back_inserter(key));
+  std::ranges::sort(key);
+  return known_[key];
+}
+
 MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
-                                   const MotionSolution* start) const {
-  if (!start) {
-    MotionSolution from;
+                                   const MotionSolution* start, double to_beat) {
+  MotionSolution from;
+  if (start) {
+    from = *start;
+  } else {
     from.model = base_;
     from.windows = windows_;
-    return solved(std::move(from), terms);
+    from.cost = kInfinity;
   }
-  const auto solved_from = [&](MotionSolution from) {
-    for (const EffectSpec& t : start->terms)
+  const auto with_terms = [&](MotionSolution one) {
+    for (const EffectSpec& t : one.terms)
       if (!holds_effect(terms, t)) {
-        std::erase_if(from.model.effects, [&](const EffectSpec& e) { return same_effect(e, t); });
-        std::erase_if(from.held, [&](const std::string& pattern) {
+        std::erase_if(one.model.effects, [&](const EffectSpec& e) { return same_effect(e, t); });
+        std::erase_if(one.held, [&](const std::string& pattern) {
           return pattern.starts_with(t.where + "." + t.effect + ".");
         });
       }
-    return solved(std::move(from), terms);
+    return one;
   };
-  MotionSolution best = solved_from(*start);
-  for (const EffectSpec& t : terms)
-    if (!holds_effect(start->terms, t))
-      for (const double by : other_scales(*start, t))
-        if (MotionSolution other = solved_from(at_scale(*start, t.where, by));
-            other.cost < best.cost)
-          best = std::move(other);
-  return best;
+  Known& of = known(terms, with_terms(from).held);
+  const std::vector<std::string> begun = names_of(from.terms);
+  for (const Known::Run& run : of.runs)
+    // A start that costs as much is as good, but for the share that a fit leaves.
+    if (run.from == begun && from.cost >= run.cost * (1.0 - data_.options.tolerance) &&
+        std::min(to_beat, of.best->cost) <= run.within_reach)
+      return *of.best;
+  Known::Run run{begun, from.cost, kInfinity};
+  const auto take = [&](MotionSolution one) {
+    run.within_reach = std::min(run.within_reach, one.within_reach);
+    if (of.best && !(one.cost < of.best->cost)) return;
+    of.best = std::move(one);
+    of.scored.clear();
+    of.scores.clear();
+  };
+  take(solved(with_terms(from), terms, to_beat));
+  if (start)
+    for (const EffectSpec& t : terms)
+      if (!holds_effect(start->terms, t))
+        for (const double by : other_scales(*start, t))
+          take(solved(with_terms(at_scale(from, t.where, by)), terms,
+                      std::min(to_beat, of.best->cost)));
+  of.runs.push_back(std::move(run));
+  return *of.best;
 }
 
-MotionSolution MotionSearch::solved(MotionSolution from,
-                                    const std::vector<EffectSpec>& terms) const {
+MotionSolution MotionSearch::solved(MotionSolution from, const std::vector<EffectSpec>& terms,
+                                    double to_beat) const {
   MotionSolution out;
   out.terms = terms;
   out.held = std::move(from.held);
@@ -185,9 +226,10 @@ MotionSolution MotionSearch::solved(MotionSolution from,
   MotionFitter fitter(of, data_.options, x, shape, [&](int, double) {
     return !progress_ || progress_("simulating", 1);
   });
-  fitter.fit(out.windows, data_.options.tolerance);
+  fitter.fit(out.windows, data_.options.tolerance, 0.5 * to_beat);
   fitter.set_covariance(out.windows);
   out.fit = fitter.now();
+  if (out.fit.within_reach > 0.0) out.within_reach = 2.0 * out.fit.within_reach;
   // A model under which some run blows up explains nothing, however well it does the others.
   out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
   out.model = apply_fit(model, out.layout, out.fit.x, out.fit.shape);
@@ -210,6 +252,29 @@ double MotionSearch::correlation(const MotionSolution& at) const {
       sum += own * correlation_time(r);
     }
   return squares > 0.0 ? sum / squares : 1.0;
+}
+
+bool MotionSearch::is_at_noise(const MotionSolution& at) const {
+  if (!(at.cost < kInfinity)) return false;
+  for (const RowMatX<double>& e : held_out_errors(at))
+    if (!((mean_squares(e) - 1.0).maxCoeff() < kHiddenByNoise)) return false;
+  return true;
+}
+
+bool MotionSearch::is_hidden(const MotionSolution& less, const MotionSolution& more) const {
+  if (!(less.cost < kInfinity)) return false;  // a simulation blows up
+  const std::vector<RowMatX<double>> of_less = held_out_errors(less),
+                                     of_more = held_out_errors(more);
+  for (std::size_t w = 0; w < of_less.size(); ++w)
+    if (!((mean_squares(of_less[w]) - mean_squares(of_more[w])).maxCoeff() < kHiddenByNoise))
+      return false;
+  return true;
+}
+
+double MotionSearch::reach(const MotionSolution& less, const MotionSolution& best,
+                           double within) const {
+  const double n = samples(), more = count_free(best.layout) - count_free(less.layout);
+  return best.cost * std::exp((within + more * std::log(n)) * correlation(best) / n);
 }
 
 double MotionSearch::delta_bic(const MotionSolution& a, const MotionSolution& b) const {

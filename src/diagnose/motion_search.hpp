@@ -4,8 +4,10 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 
+#include "core/constants.hpp"
 #include "diagnose/candidates.hpp"
 #include "diagnose/window_case.hpp"
 #include "identify/motion_data.hpp"
@@ -17,12 +19,17 @@ namespace diffnea {
 struct MotionSolution {
   std::vector<EffectSpec> terms;
   std::vector<std::string> held;  ///< patterns of parameters of terms, with their values
+  double within_reach = kInfinity;  ///< cost that it might have come to, was it stopped for a rival
   Model model;  ///< with the terms, fitted
   FitLayout layout;
   MotionFit fit;
   std::vector<MotionWindow> windows;  ///< with their states
   double cost = 0.0;                  ///< Σ (e/σ)² over the windows
 };
+
+/// Mean square of positions that noise hides, over its own: half of the noise. Filters in a drive's
+/// firmware mostly change runs by a third of it, and springs and ripples stood for them.
+inline constexpr double kHiddenByNoise = 0.25;
 
 /// Weight of the least change, where the recording tells no other.
 inline constexpr double kRidge = 1e-9;
@@ -52,9 +59,16 @@ class MotionSearch {
   MotionSearch(Model base, const MotionSearchData& data, std::vector<Candidate> candidates,
                std::function<bool(const std::string&, int)> progress);
 
-  MotionSolution solve(const std::vector<EffectSpec>& terms, const MotionSolution* start) const;
+  /// The best fit of these terms that is known. It is fitted from `start`, unless it has been from
+  /// a fit of the same effects that was no worse, and as far as `to_beat` asks.
+  /// @param to_beat  cost below which a rival must come; a fit that will hardly do so is stopped
+  MotionSolution solve(const std::vector<EffectSpec>& terms, const MotionSolution* start,
+                       double to_beat = kInfinity);
+  /// Cost at which a fit is so much ΔBIC behind `best`, with as few parameters as `less` has.
+  double reach(const MotionSolution& less, const MotionSolution& best, double within) const;
+  /// Best first; those beside the best fit of its terms are remembered.
   std::vector<WindowScore> scores(const MotionSolution& at,
-                                  const std::vector<EffectSpec>& candidates) const;
+                                  const std::vector<EffectSpec>& candidates);
   double delta_bic(const MotionSolution& a, const MotionSolution& b) const;
   HeldOutChange held_out(const MotionSolution& a, const MotionSolution& b,
                          std::uint64_t seed) const;
@@ -75,6 +89,11 @@ class MotionSearch {
   double samples() const { return static_cast<double>(samples_); }
   /// Positions that count as one, of what a solution leaves.
   double correlation(const MotionSolution& at) const;
+  /// Tells whether noise hides what a solution leaves beyond it of held-out positions, in all
+  /// joints and windows: the fitted ones a base may bend to.
+  bool is_at_noise(const MotionSolution& at) const;
+  /// Tells whether noise hides what one leaves of them and another does not.
+  bool is_hidden(const MotionSolution& less, const MotionSolution& more) const;
   /// Held-out stretches.
   const std::vector<MotionStretch>& held_out_stretches() const { return held_; }
 
@@ -83,7 +102,25 @@ class MotionSearch {
 
   FitLayout layout_of(const Model& model, const std::vector<EffectSpec>& terms,
                       const std::vector<std::string>& held) const;
-  MotionSolution solved(MotionSolution from, const std::vector<EffectSpec>& terms) const;
+  /// Fits of one set of terms.
+  struct Known {
+    struct Run {                      ///< fits that began at one fit
+      std::vector<std::string> from;  ///< names of its terms
+      double cost;                    ///< where it had ended
+      double within_reach;  ///< cost below which they might not have come, had they gone on
+    };
+    std::optional<MotionSolution> best;
+    std::vector<Run> runs;
+    std::vector<EffectSpec> scored;  ///< candidates beside `best`
+    std::vector<WindowScore> scores;
+  };
+
+  /// @param held  as in MotionSolution
+  Known& known(const std::vector<EffectSpec>& terms, const std::vector<std::string>& held);
+  std::vector<WindowScore> new_scores(const MotionSolution& at,
+                                      const std::vector<EffectSpec>& candidates) const;
+  MotionSolution solved(MotionSolution from, const std::vector<EffectSpec>& terms,
+                        double to_beat = kInfinity) const;
   /// The solution with all that a joint's drive does times a factor; not fitted.
   MotionSolution at_scale(MotionSolution of, const std::string& joint, double by) const;
   bool may_be_rigid(const MotionSolution& at, int gear) const;
@@ -108,6 +145,7 @@ class MotionSearch {
   std::vector<MotionStretch> held_;                    ///< whole, or the blocks that are held out
   std::vector<MotionWindow> windows_, held_windows_;  ///< with measured states
   long samples_ = 0;
+  std::map<std::vector<std::string>, Known> known_;
 };
 
 }  // namespace diffnea

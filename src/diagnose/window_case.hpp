@@ -41,7 +41,10 @@ HeldOutChange change_over_blocks(const std::vector<double>& before,
 
 /// `Search` fits a model with some effects beyond its base to windows. It has a type `Solution`
 /// with `terms`, and
-///   Solution solve(terms, const Solution* start): from the parameters and states of `start`
+///   Solution solve(terms, const Solution* start, to_beat): from the parameters and states of
+///     `start`; may stop where the cost will hardly come below `to_beat`, if that is given
+///   double reach(less, best, within): cost at which a fit of more than `less` is that much ΔBIC
+///     behind `best`
 ///   std::vector<WindowScore> scores(solution, candidates): best first, terms left out
 ///   double delta_bic(a, b): how much better b is
 ///   HeldOutChange held_out(a, b, seed): in units of the noise

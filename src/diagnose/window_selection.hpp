@@ -102,7 +102,8 @@ void exchange(WindowCase<Search>& c) {
     for (const WindowScore& s : c.search->scores(less, c.candidates)) {
       if (same_effect(s.effect, t) || !c.go_on()) break;
       if (holds_effect(c.best.terms, s.effect)) continue;
-      auto other = c.search->solve(with_effect(less.terms, s.effect), &less);
+      auto other = c.search->solve(with_effect(less.terms, s.effect), &less,
+                                   c.search->reach(less, c.best, 0.0));
       if (!(c.search->delta_bic(c.best, other) > 0.0)) break;
       c.best = std::move(other);
     }
@@ -115,15 +116,18 @@ void exchange(WindowCase<Search>& c) {
 /// @param most         causes
 /// @param settle       called after each that was added; may solve the case anew on fewer rows
 /// @param last_resort  called once where nothing helps; whether it changed the case
+/// @param is_enough    whether `best` leaves nothing to look for
 template <class Search>
 void select_windows(
     WindowCase<Search>& c, std::size_t most, const std::function<void()>& settle = [] {},
-    const std::function<bool()>& last_resort = [] { return false; }) {
+    const std::function<bool()>& last_resort = [] { return false; },
+    const std::function<bool()>& is_enough = [] { return false; }) {
   std::vector<WindowScore> scores = c.first_scores;
   bool resorted = false;
-  while (c.best.terms.size() < most && c.go_on()) {
+  while (c.best.terms.size() < most && c.go_on() && !is_enough()) {
     const typename Search::Solution* found = nullptr;
     windows::Tried<Search> tried;
+    double to_beat = std::numeric_limits<double>::infinity();  // for one that is to be added
     for (const WindowScore& s : scores) {
       if (!c.go_on()) break;
       const bool linear = s.promise >= c.options.accept_delta_bic &&
@@ -131,8 +135,12 @@ void select_windows(
       if (!linear &&
           !(s.visible_share > kAbsorbedMotion && c.search->is_far_from_linear(s.effect)))
         continue;
-      auto more = c.search->solve(with_effect(c.best.terms, s.effect), &c.best);
+      auto more = c.search->solve(with_effect(c.best.terms, s.effect), &c.best, to_beat);
       const double gain = c.search->delta_bic(c.best, more);
+      const double reach = c.search->reach(c.best, more, 0.0);
+      if (gain >= c.options.accept_delta_bic && reach < to_beat &&
+          c.search->held_out(c.best, more, c.options.seed).helps())
+        to_beat = reach;
       tried.emplace_back(gain, std::move(more));
     }
     std::ranges::stable_sort(tried, std::ranges::greater{}, [](const auto& t) { return t.first; });
@@ -160,7 +168,7 @@ void select_windows(
     } else {
       break;
     }
-    scores = c.search->scores(c.best, c.candidates);
+    if (!is_enough()) scores = c.search->scores(c.best, c.candidates);
   }
   for (const EffectSpec& t : c.best.terms)
     std::erase_if(c.finding.refused,
@@ -192,8 +200,10 @@ Cause window_cause(const WindowCase<Search>& c, const EffectSpec& t,
     if (holds_effect(c.best.terms, s.effect)) continue;
     double behind = best_linear - s.delta_bic;
     if (behind < windows::kRefitWithin)
-      behind =
-          c.search->delta_bic(c.search->solve(with_effect(less.terms, s.effect), &less), c.best);
+      behind = c.search->delta_bic(
+          c.search->solve(with_effect(less.terms, s.effect), &less,
+                          c.search->reach(less, c.best, c.options.accept_delta_bic)),
+          c.best);
     if (behind < c.options.accept_delta_bic)
       out.members.push_back({s.effect.effect, s.effect.where, behind});
     else if (out.rivals.size() < windows::kMostRivals)

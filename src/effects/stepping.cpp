@@ -35,6 +35,10 @@ std::vector<int> joints_read(const BoundEffect& e) {
   return out;
 }
 
+bool names_joints(const BoundEffect& e) {
+  return visit_formula(e, [](const auto& f) { return requires { f.joints_read(); }; });
+}
+
 bool has_state(const BoundEffect& e) {
   return visit_formula(e, []<class E>(const E&) { return JointStateEffect<E>; });
 }

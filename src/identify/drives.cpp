@@ -282,6 +282,24 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
   return true;
 }
 
+void sharpen(const VecX<double>& noise, BoundEffect& effect) {
+  for (std::size_t k = 0; k < effect.parameters.size(); ++k) {
+    const ParameterInfo& info = effect.parameter_info[k];
+    if (info.name != "smoothing" || effect.parameters[k] != info.initial) continue;
+    for (const int j : effect.joints)
+      effect.parameters[k] = std::min(effect.parameters[k], noise[j] / kForgets);
+  }
+}
+
+void sharpen(const VecX<double>& noise, FitLayout& layout, VecX<double>& shape) {
+  if (std::ranges::none_of(commanded_joints(layout), std::identity())) return;
+  for (BoundEffect& e : layout.effects) sharpen(noise, e);
+  for (std::size_t s = 0; s < layout.shape.size(); ++s)
+    if (FitParameter& p = layout.shape[s]; p.fixed && p.name.ends_with(".smoothing"))
+      p.prior = shape[static_cast<long>(s)] = layout.effects[static_cast<std::size_t>(p.effect)]
+                                                  .parameters[static_cast<std::size_t>(p.index)];
+}
+
 CountsFor steady_windows(const std::vector<MotionStretch>& stretches, const FitLayout& layout,
                          const VecX<double>& shape) {
   std::vector<double> delay(static_cast<std::size_t>(layout.num_dofs), kNaN);

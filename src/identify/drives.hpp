@@ -53,6 +53,14 @@ void hold_without_commands(const std::vector<MotionStretch>& stretches,
 /// in a long run, so that they are fitted side by side.
 inline constexpr double kForgets = 10.0;
 
+/// Lets dry friction hold joints: where smoothed, they creep at up to its speed. It becomes that at
+/// which a window shows the creep no more than noise. Values of the model's own stay.
+/// @param noise  (n) of the positions [rad] or [m]
+void sharpen(const VecX<double>& noise, BoundEffect& effect);
+/// The same of all effects, where drives lead joints.
+/// @param shape  (s) written
+void sharpen(const VecX<double>& noise, FitLayout& layout, VecX<double>& shape);
+
 /// Speeds of a setpoint from which fits are begun, over the largest one of the commands; 1: none.
 /// Torques of one instant do not tell which is right, and a fit that begins without a bound never
 /// finds one: the best of them after a short horizon goes on.

@@ -195,6 +195,7 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
   double damping = 1e-4;
   int stalls = 0;
   now_.converged = false;
+  now_.within_reach = 0.0;
   now_.termination = "iteration limit";
   for (int iteration = 0; iteration < options_.max_iterations; ++iteration) {
     const std::vector<ReducedWindow> reduced = linearise(simulators, windows, f);
@@ -245,7 +246,8 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
       now_.blown_up = now.blown_up;
       return;
     }
-    if (now.sum - kPatience * gained > to_beat) {
+    if (const double reached = now.sum - kPatience * gained; reached > to_beat) {
+      now_.within_reach = reached;
       now_.termination = "another fit is out of reach";
       break;
     }

@@ -13,6 +13,7 @@
 #include <diffnea/identify/layout.hpp>
 
 #include "motion/continuation.hpp"
+#include "motion/first_states.hpp"
 
 namespace diffnea {
 
@@ -29,6 +30,8 @@ struct MotionFit {
   bool converged = false;    ///< the last fit met its stop rule, and no window blows up
   bool interrupted = false;  ///< the callback said so; what is here is the best until then
   std::string termination;   ///< why the last fit ended, in words
+  double within_reach = 0.0;  ///< where it ended out of reach of its rival: objective at which it
+                              ///< was not, χ²/2; 0: it went on to its own end
 };
 
 /// Data and scales of a fit, which outlive it.

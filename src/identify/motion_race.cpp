@@ -150,6 +150,7 @@ MotionBeginning beginning(const Model& model, const MotionData& data, const FitL
   out.start = consistent_start(out.layout, out.scale);
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
     if (out.layout.linear[k].fixed) out.start[static_cast<long>(k)] = out.layout.linear[k].prior;
+  sharpen(data.noise.position, out.layout, out.shape);  // torques of one instant know no rest
   return out;
 }
 

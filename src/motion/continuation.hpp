@@ -6,7 +6,7 @@
 
 #include <diffnea/motion/horizon.hpp>
 
-#include "motion/sensitivities.hpp"
+#include "motion/joint_windows.hpp"
 
 namespace diffnea {
 

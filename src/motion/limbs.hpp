@@ -2,25 +2,40 @@
 /// Limbs: joints whose motion no other joint has a part in. Legs of a robot that hangs by its trunk
 /// are, whatever their number. Internal to the library.
 
-#include "motion/hidden_rotors.hpp"
+#include <diffnea/effects/extended_tree.hpp>
 
 namespace diffnea {
 
-/// Consecutive joints that move without regard to all others, their hidden rotors and integrators.
+/// Consecutive joints that move without regard to all others.
 struct Limb {
-  int first = 0;                 ///< joint
-  int count = 0;                 ///< number of joints
-  std::vector<int> rotors = {};  ///< degrees of freedom behind the joints, ascending
-
-  /// All degrees of freedom: of joints, then of what is behind them.
-  std::vector<int> dofs() const;
+  int first = 0;  ///< joint
+  int count = 0;  ///< number of joints
 };
 
 /// All joints, in order. Those that a link, a follower or an effect ties together are of one limb,
-/// and so are those between them; a rotor is of its joint's.
-/// @param model    unfolded
+/// and so are those between them.
 /// @param effects  beyond those of the model
-std::vector<Limb> limbs(const ExtendedTree& model, const HiddenRotors& rotors,
-                        const std::vector<BoundEffect>& effects);
+std::vector<Limb> limbs(const ExtendedTree& model, const std::vector<BoundEffect>& effects);
+
+/// A limb as a robot of its own, on the same base: its joints and links count from 0.
+class LimbPart {
+ public:
+  /// @param tree  of the whole robot
+  LimbPart(const Tree<double>& tree, const Limb& limb);
+
+  const Limb& limb() const { return limb_; }
+  /// Number of a link there; −1: it is of another limb.
+  int link(int whole) const { return link_[static_cast<std::size_t>(whole)]; }
+  /// Tells whether an effect acts there.
+  bool has(const BoundEffect& effect) const;
+  /// That effect there.
+  BoundEffect effect(BoundEffect whole) const;
+  /// The limb's share of a model.
+  ExtendedTree model(const ExtendedTree& whole) const;
+
+ private:
+  Limb limb_;
+  std::vector<int> link_;  ///< for each of the robot
+};
 
 }  // namespace diffnea

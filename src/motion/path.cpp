@@ -7,11 +7,29 @@
 #include <diffnea/effects/stepping.hpp>
 
 namespace diffnea {
+namespace {
 
-MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options)
-    : options_(options), rotors_(model), dynamics_(std::move(model)), n_(dynamics_.num_dofs()) {
-  for (const BoundEffect& e : dynamics_.model().effects)
+/// Speed at rest [rad/s] or [m/s]: a secant from there is the slope of friction.
+constexpr double kSlow = 1e-6;
+/// Speed over that at which dry friction turns, from which on it is flat: tanh(5) is 1 but for
+/// 1e-4.
+constexpr double kFlat = 5.0;
+
+}  // namespace
+
+MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options, int first)
+    : options_(options),
+      rotors_(model),
+      dynamics_(std::move(model)),
+      first_joint_(first),
+      n_(dynamics_.num_dofs()) {
+  sharp_ = VecX<double>::Constant(n_, std::numeric_limits<double>::infinity());
+  for (const BoundEffect& e : dynamics_.model().effects) {
     dry_ = dry_ || e.info().reads != Reads::kNothing;
+    for (std::size_t k = 0; k < e.parameters.size(); ++k)
+      if (e.parameter_info[k].name == "smoothing")
+        for (const int j : e.joints) sharp_[j] = std::min(sharp_[j], e.parameters[k]);
+  }
   damping_ = moving_ = resting_ = probe_ = still_ = qdd_ = VecX<double>::Zero(n_);
 }
 
@@ -36,7 +54,7 @@ void MotionPath::friction(const double* q, const double* qd, int run, VecX<doubl
 const CommandPath* MotionPath::led(const std::shared_ptr<const CommandPath>& command) {
   if (!command) return nullptr;
   if (told_ != command) {
-    led_ = *command;
+    led_ = command->of_joints(first_joint_, rotors_.joints());
     led_.add_copies(rotors_.joints_behind());
     for (const DriveIntegrator& i : rotors_.integrators())
       led_.set_integrator(rotors_.drive(i.joint), i.dof);
@@ -62,8 +80,16 @@ VecX<double> MotionPath::first_state(const VecX<double>& read) {
   return out;
 }
 
+VecX<double> MotionPath::own_state(const MotionWindow& window) const {
+  const long n = rotors_.joints();
+  VecX<double> out(2 * n);
+  out << window.state.segment(first_joint_, n),
+      window.state.segment(window.state.size() / 2 + first_joint_, n);
+  return out;
+}
+
 VecX<double> MotionPath::first_state(const MotionStretch& stretch, const MotionWindow& window) {
-  VecX<double> out = first_state(window.state);
+  VecX<double> out = first_state(own_state(window));
   for (const DriveIntegrator& i : rotors_.integrators())
     out[n_ + i.dof] = summed_before(i, stretch, window).a;
   return out;
@@ -79,11 +105,12 @@ JetD MotionPath::summed_before(const DriveIntegrator& integrator, const MotionSt
   for (std::size_t k = 0; k < p.size(); ++k)
     p[k] = JetD(path->servo(drive)[k], static_cast<int>(k));
   const JetD rate(path->integral_rate(drive), 6);
-  double last = stretch.q(0, integrator.joint);
+  const int column = first_joint_ + integrator.joint;
+  double last = stretch.q(0, column);
   for (long k = 0; k < window.first; ++k) {
     const SimulationStep row{stretch.time[static_cast<std::size_t>(k)],
                              stretch.time[static_cast<std::size_t>(k) + 1]};
-    const double middle = 0.5 * (row.from + row.to), next = stretch.q(k + 1, integrator.joint),
+    const double middle = 0.5 * (row.from + row.to), next = stretch.q(k + 1, column),
                  read = std::isnan(next)   ? last
                         : std::isnan(last) ? next
                                            : 0.5 * (last + next);
@@ -114,15 +141,20 @@ double MotionPath::step_of_gears() const {
 /// Bound on the rate of friction at rest, where dry friction is steepest [1/s]; sets the longest
 /// step that the motion allows, too.
 double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow& window) {
-  const VecX<double> q = first_state(window.state).head(n_), rest = VecX<double>::Zero(n_);
+  const VecX<double> q = first_state(own_state(window)).head(n_), rest = VecX<double>::Zero(n_);
   VecX<double> u;
-  rotors_.at_drives(stretch.u.row(window.first).transpose(), u);
+  rotors_.at_drives(logged(stretch, window.first), u);
   dynamics_.set_command(led(stretch.command));
   dynamics_.set_time(stretch.time[static_cast<std::size_t>(window.first)]);
-  dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
   const long moving = n_ - static_cast<long>(rotors_.integrators().size());  // no friction there
-  const double rate =
-      dry_ ? dynamics_.dqdd_dqd().leftCols(moving).cwiseAbs().rowwise().sum().maxCoeff() : 0.0;
+  double rate = 0.0;
+  for (const double side : {-kSlow, 0.0}) {  // friction may be of another size on each
+    const VecX<double> speed = VecX<double>::Constant(n_, side);
+    dynamics_.linearise(q.data(), speed.data(), u.data(), stretch.run);
+    if (dry_)
+      rate = std::max(rate,
+                      dynamics_.dqdd_dqd().leftCols(moving).cwiseAbs().rowwise().sum().maxCoeff());
+  }
   if (dynamics_.command()) {  // drives at their steepest, not as they are at this command
     dynamics_.set_command(nullptr);
     dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
@@ -144,21 +176,80 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   return rate;
 }
 
-/// Rate at which friction brakes the joints here [1/s]; leaves mass matrix and D.
-double MotionPath::friction_rate(const MatX<double>& A, const VecX<double>& u, int run) {
-  constexpr double kSlow = 1e-6;  // [rad/s] or [m/s]: a secant from there is the slope at rest
+/// Tells whether a joint speeds up beyond where its friction is steep, at the last q̈: it comes to
+/// no reversal.
+bool MotionPath::leaves_rest(const MatX<double>& A, int joint) const {
+  const double speed = A(n_ + joint, 0);
+  return speed * qdd_[joint] > 0.0 && std::abs(speed) > kFlat * sharp_[joint];
+}
+
+/// Longest step that leads over no reversal [s], where dry friction reads velocities, if that is
+/// less than `step`; leaves q̈ and the mass matrix.
+double MotionPath::step_to_turn(const MatX<double>& A, const VecX<double>& u, int run,
+                                double step) {
+  const double *q = A.data(), *qd = A.data() + n_;
+  dynamics_.acceleration(q, qd, u.data(), run, qdd_.data());
+  mass_ = mass_matrix<double, double>(dynamics_.model().tree, Eigen::Map<const VecX<double>>(q, n_),
+                                      mass_ws_);
+  probe_ = A.col(0).tail(n_);
+  bool turns = false;
+  for (int j = 0; j < n_; ++j) {
+    if (leaves_rest(A, j)) continue;
+    const double reach =
+        (qd[j] * qdd_[j] < 0.0 ? kBrakes : kTurns) * std::max(std::abs(qd[j]), sharp_[j]);
+    if (!(std::abs(qdd_[j]) * step > reach)) continue;
+    probe_[j] += std::copysign(reach, qdd_[j]);
+    turns = true;
+  }
+  if (!turns) return step;
+  friction(q, probe_.data(), run, moving_);
+  friction(q, qd, run, resting_);
+  for (int j = 0; j < n_; ++j) {
+    const double reach = probe_[j] - qd[j], braked = (moving_[j] - resting_[j]) / mass_(j, j);
+    // A joint that friction holds gets no further.
+    if (reach != 0.0 && std::abs(braked) < std::abs(qdd_[j]))
+      step = std::min(step, reach / qdd_[j]);
+  }
+  return step;
+}
+
+/// Rate at which friction brakes the joints here [1/s], at the present q̈ and mass matrix; leaves D.
+/// @param speed  of the joints: kAtRest is where it is steepest
+double MotionPath::friction_rate(const MatX<double>& A, Speed speed, int run) {
   const double* q = A.data();
   const double* qd = A.data() + n_;
   for (int j = 0; j < n_; ++j)
-    probe_[j] = std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
-  if (dynamics_.is_implicit()) dynamics_.acceleration(q, qd, u.data(), run, qdd_.data());
+    probe_[j] =
+        speed == kAsItMoves && std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
   friction(q, probe_.data(), run, moving_);
   VecX<double> rest = still_;
   for (const DriveIntegrator& i : rotors_.integrators()) rest[i.dof] = probe_[i.dof];
   friction(q, rest.data(), run, resting_);
   damping_ = (moving_ - resting_).cwiseQuotient(probe_).cwiseMax(0.0);
-  mass_ = mass_matrix<double, double>(dynamics_.model().tree, Eigen::Map<const VecX<double>>(q, n_),
-                                      mass_ws_);
+  bool away = false;
+  for (int j = 0; j < n_; ++j)
+    if (speed == kAsItMoves && leaves_rest(A, j)) {
+      rest[j] = 2.0 * probe_[j];
+      away = true;
+    }
+  if (away) {  // the secant from here on: there is no rest ahead
+    friction(q, rest.data(), run, resting_);
+    for (int j = 0; j < n_; ++j)
+      if (leaves_rest(A, j)) damping_[j] = std::max((resting_[j] - moving_[j]) / probe_[j], 0.0);
+  }
+  // Towards rest, within the speed at which friction turns, a step may lead to the other side of
+  // it, of another size. A joint that breaks away has its own.
+  bool slow = false;
+  for (int j = 0; j < n_; ++j)
+    if (std::isfinite(sharp_[j]) && std::abs(probe_[j]) < sharp_[j] &&
+        (speed == kAtRest || probe_[j] * qdd_[j] < 0.0)) {
+      probe_[j] = -probe_[j];
+      slow = true;
+    }
+  if (slow) {
+    friction(q, probe_.data(), run, moving_);
+    damping_ = damping_.cwiseMax((moving_ - resting_).cwiseQuotient(probe_));
+  }
   factor_.compute(mass_);
   rates_ = factor_.solve(MatX<double>(damping_.asDiagonal()));
   return rates_.cwiseAbs().rowwise().sum().maxCoeff();

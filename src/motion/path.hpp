@@ -25,9 +25,10 @@ namespace diffnea {
 /// Integrator of one model. Not thread-safe; no allocation after the first window.
 class MotionPath {
  public:
+  /// @param first  of the columns of stretches that are the model's joints
   /// @throws ModelError for effects with memory, other than a hidden motor's, or of a measurement
   /// channel
-  MotionPath(ExtendedTree model, const SteppingOptions& options);
+  MotionPath(ExtendedTree model, const SteppingOptions& options, int first = 0);
 
   /// Dynamics of the unfolded model: N degrees of freedom, n joints and their hidden rotors.
   ForwardDynamics& dynamics() { return dynamics_; }
@@ -40,6 +41,12 @@ class MotionPath {
   /// The same where a window begins: integrators have what their drives have summed up of the run
   /// before, by the positions that were measured.
   VecX<double> first_state(const MotionStretch& stretch, const MotionWindow& window);
+  /// Positions and velocities of the model's joints, (2n), in the first state of a window.
+  VecX<double> own_state(const MotionWindow& window) const;
+  /// Torques of the model's joints from that row on, (n).
+  auto logged(const MotionStretch& stretch, long row) const {
+    return stretch.u.row(row).segment(first_joint_, rotors_.joints()).transpose();
+  }
   /// Sum of one integrator there; derivatives 0 to 5 are those by the parameters of position_servo,
   /// 6 that by the rate of the integral.
   JetD summed_before(const DriveIntegrator& integrator, const MotionStretch& stretch,
@@ -74,15 +81,21 @@ class MotionPath {
           dynamics_.set_time(stretch.time[row] + t, part);
           logged_ = ((1 - a) * stretch.u.row(static_cast<long>(row)) +
                      a * stretch.u_end.row(static_cast<long>(row)))
+                        .segment(first_joint_, rotors_.joints())
                         .transpose();
           rotors_.at_drives(logged_, u_);
         };
+        long steps = 0;
         for (double t = begin; t < end - 1e-12 * h;) {
           double step = end - t;
           bool stiff = false;
           if (steep) {
             enter(t);
-            const double rate = friction_rate(A, u_, stretch.run);
+            const double turn = step_to_turn(A, u_, stretch.run, step);
+            const double steepest =
+                dynamics_.is_implicit() ? friction_rate(A, kAtRest, stretch.run) : finest;
+            if (step * steepest > kStops) step = turn;
+            const double rate = friction_rate(A, kAsItMoves, stretch.run);
             if (step * rate > kStops) {
               stiff = kStops < kFinest * h * rate;
               step = stiff ? std::min(step, h * kStiff) : kStops / rate;
@@ -97,7 +110,7 @@ class MotionPath {
           else
             rk_.step(at_share, step, A);
           t += step;
-          if (!(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
+          if (++steps > kMostSteps || !(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
         }
       }
     }
@@ -123,10 +136,19 @@ class MotionPath {
   static constexpr double kBlowUp = 1e6;
   /// Even steps within a row, at most.
   static constexpr double kMostEven = 8.0;
+  /// Share of the time in which a velocity turns, where friction is too steep for the step: none
+  /// leads from rest to beyond where friction is steep,
+  static constexpr double kTurns = 0.5;
+  /// nor over a reversal, though the acceleration grows by a quarter.
+  static constexpr double kBrakes = 0.8;
   /// Step times the rate of friction that brings a joint to rest within the step and no further.
   static constexpr double kStops = 1.0;
   /// Parts of a row: beyond, a simulation blows up within them.
   static constexpr double kMostParts = 1e9;
+  /// Steps within a part, which is too short for the motion to turn twenty times: a reversal takes
+  /// some fifty, by kTurns from the fastest speed of a joint to where its friction is sharp and
+  /// back. A run with more of them chatters, and counts as one that blows up.
+  static constexpr long kMostSteps = 1000;
   /// Explicit step over the row's that is not worth its time.
   static constexpr double kFinest = 1.0 / 16.0;
   /// Implicit step over the row's.
@@ -136,7 +158,10 @@ class MotionPath {
   const CommandPath* led(const std::shared_ptr<const CommandPath>& command);
   double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
   double step_of_gears() const;
-  double friction_rate(const MatX<double>& A, const VecX<double>& u, int run);
+  bool leaves_rest(const MatX<double>& A, int joint) const;
+  double step_to_turn(const MatX<double>& A, const VecX<double>& u, int run, double step);
+  enum Speed { kAtRest, kAsItMoves };
+  double friction_rate(const MatX<double>& A, Speed speed, int run);
   void friction(const double* q, const double* qd, int run, VecX<double>& tau);
 
   template <class Slope>
@@ -161,8 +186,10 @@ class MotionPath {
   SteppingOptions options_;
   HiddenRotors rotors_;
   ForwardDynamics dynamics_;
+  int first_joint_;       ///< of stretches: the model's first
   int n_;                 ///< degrees of freedom N
   bool dry_ = false;      ///< some effect's torque reads the velocity
+  VecX<double> sharp_;    ///< (N) speed within which dry friction turns; infinite: there is none
   double longest_ = 0.0;  ///< step that the motion itself allows [s]
   RungeKutta4<MatX<double>> rk_;
   MassMatrixWorkspace<double, double> mass_ws_;

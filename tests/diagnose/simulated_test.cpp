@@ -1,7 +1,6 @@
 /// For how long a simulation follows held-out motion, without and with what a diagnosis names.
 
 #include "diagnose/simulated.hpp"
-#include "diagnose/spread_windows.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,8 +14,9 @@
 #include <diffnea/report/diagnose_text.hpp>
 
 #include "diagnose/replayed_windows.hpp"
+#include "diagnose/spread_windows.hpp"
 #include "motion/free_swing.hpp"
-#include "motion/sensitivities.hpp"
+#include "motion/joint_windows.hpp"
 #include "support/swinging.hpp"
 #include "support/three_links.hpp"
 

@@ -166,15 +166,31 @@ def draw_supply(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return volts + steps[time.astype(int)]
 
 
-def record(bench: Bench, seconds: float, rng: np.random.Generator) -> np.ndarray:
-    """Record one motion: rows of time, position, command, and supply where it is of interest."""
-    held = round(1.0 / RATE / STEP)
-    time = np.arange(round(seconds / STEP)) * STEP
+def draw_swings(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw commands that swing, each sine at a rate of its own [rad]."""
     command = np.zeros_like(time)
     for _ in range(4):
         amplitude, rate, phase = rng.uniform(0.2, 0.9), rng.uniform(0.7, 6.0), rng.uniform(0, 6.28)
         command += amplitude * np.sin(rate * time + phase)
-    command = (command - command[0]) * np.minimum(1.0, 2.0 * time)
+    return (command - command[0]) * np.minimum(1.0, 2.0 * time)
+
+
+def draw_steps(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw commands that step and wait, so that the servo comes to rest and sticks [rad]."""
+    command, at = np.zeros_like(time), 0.3
+    while at < time[-1]:
+        command[time >= at] = rng.uniform(-0.8, 0.8)
+        at += rng.uniform(0.3, 1.0)
+    return command
+
+
+def record(
+    bench: Bench, seconds: float, rng: np.random.Generator, *, steps: bool = False
+) -> np.ndarray:
+    """Record one motion: rows of time, position, command, and supply where it is of interest."""
+    held = round(1.0 / RATE / STEP)
+    time = np.arange(round(seconds / STEP)) * STEP
+    command = draw_steps(time, rng) if steps else draw_swings(time, rng)
     command = np.repeat(command[::held], held)[: len(time)]
     late = round(bench.delay / STEP)
     if bench.effect in GEARS:
@@ -222,13 +238,15 @@ def record(bench: Bench, seconds: float, rng: np.random.Generator) -> np.ndarray
     return np.column_stack([*rows, supplied] if has_supply else rows)
 
 
-def write_case(folder: Path, effect: str, seed: int, seconds: float = 10.0) -> Bench:
+def write_case(
+    folder: Path, effect: str, seed: int, seconds: float = 10.0, *, steps: bool = False
+) -> Bench:
     """Write `bench.urdf`, `train.csv`, `test.csv`, and `truth.json` for the judge."""
     bench = draw(effect, seed)
     rng = np.random.default_rng([seed, 1])
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("train", "test"):
-        rows = record(bench, seconds, rng)
+        rows = record(bench, seconds, rng, steps=steps)
         np.savetxt(
             folder / f"{name}.csv",
             rows,

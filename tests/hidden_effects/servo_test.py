@@ -35,6 +35,19 @@ def test_a_servo_that_lacks_nothing(tmp_path: Path) -> None:
     assert "presliding_dahl" in {r["effect"] for r in finding["refused"]}
 
 
+def test_a_servo_that_sticks_between_steps_lacks_nothing(tmp_path: Path) -> None:
+    # Friction that is smoothed creeps by several counts in a wait: a false excess at standstill.
+    write_case(tmp_path, "none", SEED, steps=True)
+    done(
+        *("diagnose", tmp_path / "bench.urdf", tmp_path / "train.csv"),
+        *("--test", tmp_path / "test.csv", "-o", tmp_path / "run", "--quiet"),
+    )
+    finding = load(tmp_path / "run/result.json")
+    assert finding["verdict"] == "NONE", finding["sentence"]
+    (joint,) = finding["joints"]
+    assert joint["base"] < 1.3 * joint["noise_floor"]
+
+
 def test_bases_that_drives_cannot_have_are_refused(tmp_path: Path) -> None:
     write_case(tmp_path, "none", SEED, seconds=2.0)
     bench, data = tmp_path / "bench.urdf", tmp_path / "train.csv"
@@ -55,7 +68,8 @@ def test_a_gap_whose_rotor_begins_at_neither_flank(seed: int, tmp_path: Path) ->
     result = load(tmp_path / "run/result.json")
     assert result["summary"]["converged"]
     (gap,) = (p for p in result["parameters"] if p["name"].endswith("backlash.gap"))
-    assert gap["value"] == pytest.approx(bench.size, abs=3.0 * gap["std"])
+    # Flanks of a fit give way a little, and its gap is that much smaller.
+    assert gap["value"] == pytest.approx(bench.size, abs=3.0 * gap["std"] + 0.02 * bench.size)
 
 
 @pytest.mark.parametrize("effect", sorted(set(SIZES) - {"none"}))

@@ -10,7 +10,7 @@
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
-#include "motion/sensitivities.hpp"
+#include "motion/joint_windows.hpp"
 
 namespace hidden_rotors_test {
 

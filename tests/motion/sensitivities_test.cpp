@@ -1,8 +1,6 @@
 /// Derivatives of simulated windows against central differences, and friction too steep for the
 /// time between rows.
 
-#include "motion/sensitivities.hpp"
-
 #include <cmath>
 
 #include <catch2/catch_approx.hpp>
@@ -13,6 +11,7 @@
 #include <diffnea/sim/record.hpp>
 
 #include "motion/free_swing.hpp"
+#include "motion/joint_windows.hpp"
 
 namespace sensitivities_test {
 
@@ -128,24 +127,17 @@ TEST_CASE("sensitivities: limbs that nothing ties together, each with columns of
     spec.parameters[0].value *= 2.0;
     model.effects.push_back(spec);
   }
-  ExtendedTree plain = extend(model);
-  const std::vector<Limb> apart = limbs(plain, HiddenRotors(plain), bound(model));
+  const ExtendedTree plain = extend(model);
+  const std::vector<Limb> apart = limbs(plain, bound(model));
   REQUIRE(apart.size() == 2);
   CHECK((apart[0].first == 0 && apart[0].count == 2));
   CHECK((apart[1].first == 2 && apart[1].count == 2));
+  const ExtendedTree second = LimbPart(plain.tree, apart[1]).model(plain);
+  CHECK(second.tree.links[1].parent == 0);
+  CHECK(second.effects.size() == effects);
   Model tied = model;
   tied.effects.push_back({"transmission_coupling", "elbow,shoulder2", {}});
-  ExtendedTree coupled = extend(tied);
-  CHECK(limbs(coupled, HiddenRotors(coupled), bound(tied)).size() == 1);
-  // A rotor behind a spring is of its joint's limb, and ties no others.
-  Model elastic = model;
-  elastic.effects.push_back({"joint_elasticity", "elbow", {}});
-  ExtendedTree unfolded = extend(elastic);
-  const HiddenRotors rotors(unfolded);
-  const std::vector<Limb> with_rotor = limbs(unfolded, rotors, {});
-  REQUIRE(with_rotor.size() == 2);
-  CHECK(with_rotor[0].dofs() == std::vector<int>{0, 1, 4});
-  CHECK(with_rotor[1].dofs() == std::vector<int>{2, 3});
+  CHECK(limbs(extend(tied), bound(tied)).size() == 1);
 
   const MotionStretch s = stretch_of(model);
   MotionWindow w{0, 40, 100, VecX<double>(8)};
@@ -347,6 +339,73 @@ TEST_CASE(
   TriangularFactor rows(2);
   CHECK(simulator.linearise(s, w, VecX<double>::Ones(1), rows));
   CHECK(rows.R().allFinite());
+}
+
+TEST_CASE("path: a joint breaks away and stops within a row as dry friction that is sharp has it",
+          "[motion]") {
+  // No gravity: under a constant torque it gains speed evenly, without one it loses it so.
+  constexpr double kFriction = 0.05, kTorque = 0.08, kJ = test::kSwingInertia;
+  constexpr long kPushed = 10;  // rows that begin with the torque
+  Model model = test::swing_model();
+  model.gravity = {0.0, 0.0, 0.0};
+  model.effects = {
+      {"coulomb_friction", "pendulum", {{"coulomb", kFriction, ""}, {"smoothing", 1e-5, ""}}}};
+  Recording r = test::free_swing({}, test::even_times(0.0, 0.5, 100.0));
+  r.info.passive.clear();
+  r.has_tau = {true};
+  r.tau.topRows(kPushed).setConstant(kTorque);
+  MotionStretch s = motion_stretches(r, sensor_noise({r}, {false}), {false}).at(0);
+  s.u.setZero();
+  s.u.topRows(kPushed).setConstant(kTorque);
+  s.u_end = s.u;  // held from row to row
+  const double h = s.time[1] - s.time[0], pushed = h * kPushed, gain = (kTorque - kFriction) / kJ,
+               speed = gain * pushed, stops = pushed + speed / (kFriction / kJ);
+  const auto exact = [&](double t) {
+    if (t < pushed) return 0.5 * gain * t * t;
+    const double left = std::min(t, stops) - pushed;
+    return 0.5 * gain * pushed * pushed + speed * left - 0.5 * kFriction / kJ * left * left;
+  };
+  const MotionWindow w{0, 0, static_cast<long>(s.time.size()), VecX<double>::Zero(2)};
+  JointWindows simulator(extend(model), bound(model), {}, {});
+  const RowMatX<double> q = simulator.positions(s, w);
+  REQUIRE(stops < s.time.back() - s.time.front() - 5.0 * h);
+  /// Share of the way: speeds of 1e-5 rad/s at which friction turns, over 0.4 rad/s, and steps that
+  /// halve the speed at most around the two instants.
+  constexpr double kTol = 1e-3;
+  for (long k = 0; k < q.rows(); ++k) {
+    CAPTURE(k);
+    CHECK(std::abs(q(k, 0) - exact(s.time[static_cast<std::size_t>(k)] - s.time[0])) <
+          kTol * exact(stops));
+  }
+}
+
+TEST_CASE("path: friction of one direction alone holds a joint against a push that way",
+          "[motion]") {
+  constexpr double kFriction = 50.0, kTorque = 0.08, kSharp = 1e-5;
+  constexpr long kHeld = 25;  // rows that push towards the side of the friction
+  Model model = test::swing_model();
+  model.gravity = {0.0, 0.0, 0.0};
+  model.effects = {{"asymmetric_coulomb",
+                    "pendulum",
+                    {{"coulomb_positive", 0.0, ""},
+                     {"coulomb_negative", kFriction, ""},
+                     {"smoothing", kSharp, ""}}}};
+  Recording r = test::free_swing({}, test::even_times(0.0, 0.5, 100.0));
+  MotionStretch s = motion_stretches(r, sensor_noise({r}, {false}), {false}).at(0);
+  s.u.setConstant(kTorque);
+  s.u.topRows(kHeld).setConstant(-kTorque);
+  s.u_end = s.u;  // held from row to row
+  const double h = s.time[1] - s.time[0];
+  const MotionWindow w{0, 0, static_cast<long>(s.time.size()), VecX<double>::Zero(2)};
+  JointWindows simulator(extend(model), bound(model), {}, {});
+  const RowMatX<double> q = simulator.positions(s, w);
+  for (long k = 0; k < q.rows(); ++k) {
+    CAPTURE(k);
+    const double pushed = h * static_cast<double>(std::max(k - kHeld, 0L)),
+                 exact = 0.5 * kTorque / test::kSwingInertia * pushed * pushed;
+    // Held, it creeps by no more than the speed at which friction turns.
+    CHECK(std::abs(q(k, 0) - exact) < kSharp * h * static_cast<double>(q.rows()));
+  }
 }
 
 }  // namespace sensitivities_test

@@ -44,6 +44,21 @@ class CommandPath {
     }
   }
 
+  /// Commands of some joints alone. @param first  of `count` joints
+  CommandPath of_joints(int first, int count) const {
+    if (first == 0 && count == told_.cols()) return *this;
+    CommandPath out;
+    out.time_ = time_;
+    out.is_on_ = is_on_.middleCols(first, count);
+    out.told_ = told_.middleCols(first, count);
+    if (supply_.size() > 0) out.supply_ = supply_.middleCols(first, count);
+    for (long k = 0; k < told_.rows(); ++k)
+      out.way_.insert(out.way_.end(), &way(k, first), &way(k, first) + count);
+    out.laws_.assign(laws_.begin() + first, laws_.begin() + first + count);
+    out.gain_ = gain_.segment(first, count);
+    return out;
+  }
+
   /// Adds the logged supply of the drives. Gaps are filled along straight lines.
   /// @param volts  (N, n) [V]; NaN: a gap, or a joint whose supply was not logged
   void set_supply(RowMatX<double> volts) {

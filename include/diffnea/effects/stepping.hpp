@@ -13,6 +13,9 @@ namespace diffnea {
 /// formula names others.
 std::vector<int> joints_read(const BoundEffect& e);
 
+/// Tells whether its formula names joints by their numbers in the robot.
+bool names_joints(const BoundEffect& e);
+
 /// Tells whether it has a state at each of its joints (JointStateEffect).
 bool has_state(const BoundEffect& e);
 /// The state after a move at constant velocity; e has one.

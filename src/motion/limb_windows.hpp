@@ -1,22 +1,21 @@
 #pragma once
-/// Simulated windows of a robot's joints: output errors, and their sensitivities to the first state
-/// and to free parameters. Internal to the library.
+/// Simulated windows of one limb's joints: output errors, and their sensitivities to the first
+/// state and to free parameters. Internal to the library.
 
 #include <vector>
 
+#include <diffnea/core/triangular_factor.hpp>
 #include <diffnea/dynamics/derivatives.hpp>
 #include <diffnea/dynamics/regressor.hpp>
 
-#include "motion/first_states.hpp"
 #include "motion/limbs.hpp"
 #include "motion/path.hpp"
-#include "motion/window_simulator.hpp"
 
 namespace diffnea {
 
 /// A parameter that windows are differentiated by: one of a link, or one of an effect.
 struct MotionParameter {
-  int dof = -1;              ///< degree of freedom of the link, or −1
+  int dof = -1;              ///< index of the link, or −1
   int theta = -1;            ///< index in θ of a link
   int effect = -1;           ///< index among the effects, or −1
   int index = -1;            ///< index into the effect's parameters
@@ -29,62 +28,45 @@ struct ModelOfRuns {
   ExtendedTree model;
 };
 
-/// The model at given parameters. Not thread-safe; no allocation after the first window.
-class JointWindows : public WindowSimulator {
+/// A limb at given parameters. Stretches, windows and all that has a number for each joint are
+/// those of the whole robot; the limb reads and writes its own. Not thread-safe; no allocation
+/// after the first window.
+class LimbWindows {
  public:
-  JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
-               const std::vector<MotionParameter>& parameters, const SteppingOptions& options)
-      : JointWindows(std::vector<ModelOfRuns>{{{}, std::move(model)}}, std::move(effects),
-                     parameters, options) {}
-  /// @param models   at these parameters, one at least, of as many joints
-  /// @param effects  with these values; those that `parameters` name
+  /// @param models      of the limb at these parameters, one at least
+  /// @param effects     of the limb, with these values; those that `parameters` name
+  /// @param parameters  of the limb
   /// @throws ModelError if an effect has no forward form, or a parameter no derivative
-  JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEffect> effects,
-               const std::vector<MotionParameter>& parameters, const SteppingOptions& options);
+  LimbWindows(const Limb& limb, std::vector<ModelOfRuns> models, std::vector<BoundEffect> effects,
+              const std::vector<MotionParameter>& parameters, const SteppingOptions& options);
 
-  int states() const override { return 2 * joints_; }
+  /// Adds the rows (q̂ − q)/σ of a window, (·, 2n + f + 1) of the limb's n joints and f parameters.
+  /// @return whether the simulation reached the window's end
   bool linearise(const MotionStretch& stretch, const MotionWindow& window,
-                 const VecX<double>& sigma, TriangularFactor& rows) override;
-  double cost(const MotionStretch& stretch, const MotionWindow& window,
-              const VecX<double>& sigma) override;
-  RowMatX<double> positions(const MotionStretch& stretch, const MotionWindow& window) override;
-
-  /// State at a row of the window, (2n); false if the simulation blew up before.
+                 const VecX<double>& sigma, TriangularFactor& rows);
+  /// ½ Σ (residual/σ)²; +∞ if it blew up.
+  double cost(const MotionStretch& stretch, const MotionWindow& window, const VecX<double>& sigma);
+  /// Writes positions until the simulation blows up.
+  void positions(const MotionStretch& stretch, const MotionWindow& window, RowMatX<double>& q);
+  /// Writes the state at a row of the window, (2n); false if the simulation blew up before.
   bool state_at(const MotionStretch& stretch, const MotionWindow& window, long row,
                 VecX<double>& out);
-
-  /// Standard deviation of the positions at the window's end that noise of the torque alone makes,
-  /// (n). @param density  (n) of the torque's noise
-  VecX<double> torque_noise_reach(const MotionStretch& stretch, const MotionWindow& window,
-                                  const VecX<double>& density);
+  /// Writes the standard deviation of the positions at the window's end that noise of the torque
+  /// alone makes, (n). @param density  (n) of the torque's noise
+  void torque_noise_reach(const MotionStretch& stretch, const MotionWindow& window,
+                          const VecX<double>& density, VecX<double>& out);
 
  private:
-  /// A limb's part of [z | Z]: no other column moves it.
-  struct Part {
-    Limb limb;
-    std::vector<int> dofs;    // degrees of freedom of the limb
-    bool on_end = true;       // they follow one another
-    int column = 0;           // first of its columns in A: of q, of q̇, of its parameters
-    int parameter = 0;        // first of these among the columns of C
-    int parameters = 0;       // number of these
-    std::vector<int> to;      // for each column, where it stands in the rows that are handed on
-    RowMatX<double> block;    // rows that wait for the factor
-    long filled = 0;          // of these
-    int width() const { return static_cast<int>(to.size()); }
-  };
-  void divide(const std::vector<MotionParameter>& parameters);
   void add_parameter(const MotionParameter& p, int column);
   /// Takes the model of that run.
   MotionPath& enter(int run);
   void slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA);
-  void slope_of_dofs(const Part& part, const MatX<double>& A, MatX<double>& dA);
   void columns(int run, const MatX<double>& A);
   void add_columns(std::size_t effect, const JointSample<double>& x, const JointSample<JetD>& jets);
   const HiddenRotors& rotors() const { return models_[now_].path.rotors(); }
   void begin(const MotionStretch& stretch, const MotionWindow& window);
   void begin_integrators(const MotionStretch& stretch, const MotionWindow& window);
-  void begin_hidden(const HiddenRotor& rotor, const Part& part);
-  VecX<double> read(const MatX<double>& z) const;
+  void begin_hidden(const HiddenRotor& rotor);
 
   struct OfRuns {
     std::vector<int> runs;
@@ -94,6 +76,7 @@ class JointWindows : public WindowSimulator {
   std::vector<OfRuns> models_;
   std::size_t now_ = 0;       ///< of the models
   std::vector<char> acting_;  ///< per effect, in the present run
+  int first_;                 ///< joint of the robot that is the limb's first
   int joints_, n_, f_;        ///< n; N with hidden rotors; free parameters
   std::vector<BoundEffect> effects_;
   struct OfEffect {
@@ -108,10 +91,10 @@ class JointWindows : public WindowSimulator {
   };
   std::vector<OfLink> of_link_;
   std::vector<char> logarithmic_;  // per column of C
-  std::vector<Part> parts_;
+  RowMatX<double> block_;          // rows that wait for the factor
   RegressorWorkspace<double, double> ws_;
   RneaDerivatives hanging_;  ///< torques that hold the links where a window begins
-  MatX<double> A_, C_, gathered_q_, gathered_qd_, slope_;
+  MatX<double> A_, C_;
   VecX<double> q_, qd_;
   std::vector<std::pair<int, int>> moved_;  // parameters of an effect, as OfEffect has them
   std::vector<double> scratch_;

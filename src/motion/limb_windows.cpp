@@ -1,4 +1,4 @@
-#include "motion/sensitivities.hpp"
+#include "motion/limb_windows.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,17 +10,19 @@
 
 namespace diffnea {
 
-JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEffect> effects,
-                           const std::vector<MotionParameter>& parameters,
-                           const SteppingOptions& options)
+LimbWindows::LimbWindows(const Limb& limb, std::vector<ModelOfRuns> models,
+                         std::vector<BoundEffect> effects,
+                         const std::vector<MotionParameter>& parameters,
+                         const SteppingOptions& options)
     : acting_(effects.size(), 1),
-      joints_(models.front().model.tree.num_dofs()),
+      first_(limb.first),
+      joints_(limb.count),
       n_(joints_),
       f_(static_cast<int>(parameters.size())),
       effects_(std::move(effects)),
       of_effect_(effects_.size()) {
   for (ModelOfRuns& m : models) {
-    MotionPath path(std::move(m.model), options);
+    MotionPath path(std::move(m.model), options, first_);
     Tree<double> geometry = path.dynamics().model().tree;
     models_.push_back({std::move(m.runs), std::move(path), std::move(geometry)});
   }
@@ -34,10 +36,7 @@ JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEff
     for (const int k : effects_[e].linear_parameters())
       of_effect_[e].off[static_cast<std::size_t>(k)] = 0.0;
   }
-  for (const MotionParameter& p : parameters)
-    if (p.effect < 0 && (p.dof < 0 || p.theta < 0))
-      throw ModelError("motion: a window has no derivative by a fixed transform");
-  divide(parameters);
+  for (int k = 0; k < f_; ++k) add_parameter(parameters[static_cast<std::size_t>(k)], k);
   const std::size_t n = static_cast<std::size_t>(n_);
   jet_q_.resize(n);
   jet_qd_.resize(n);
@@ -47,50 +46,8 @@ JointWindows::JointWindows(std::vector<ModelOfRuns> models, std::vector<BoundEff
   scratch_.assign(n, 0.0);
 }
 
-/// Gives each parameter a column among those of the limb that it moves.
-void JointWindows::divide(const std::vector<MotionParameter>& parameters) {
-  std::vector<BoundEffect> all;
-  for (const OfEffect& of : of_effect_)
-    for (const EffectPart& part : of.parts) all.push_back(part.effect);
-  for (OfRuns& m : models_) {
-    const std::vector<BoundEffect>& of_model = m.path.dynamics().model().effects;
-    all.insert(all.end(), of_model.begin(), of_model.end());
-  }
-  for (Limb& limb : limbs(models_.front().path.dynamics().model(), rotors(), all)) {
-    Part& part = parts_.emplace_back();
-    part.dofs = limb.dofs();
-    part.on_end = part.dofs.back() - part.dofs.front() == static_cast<int>(part.dofs.size()) - 1;
-    part.limb = std::move(limb);
-  }
-  const auto moves = [&](const MotionParameter& p, const Limb& limb) {
-    int dof = p.dof;  // links of one limb have degrees of freedom of that limb
-    if (p.effect >= 0) {
-      const BoundEffect& e = effects_[static_cast<std::size_t>(p.effect)];
-      dof = e.links.empty() ? e.joints.at(0) : models_.front().geometry.drive(e.links[0]).dof;
-    } else if (dof >= 0) {
-      dof = models_.front().geometry.drive(dof).dof;
-    }
-    return dof >= limb.first && dof < limb.first + limb.count;
-  };
-  int column = 1, next = 0;
-  for (Part& part : parts_) {
-    part.column = column;
-    part.parameter = next;
-    for (const int first : {0, joints_})
-      for (int j = 0; j < part.limb.count; ++j) part.to.push_back(first + part.limb.first + j);
-    for (int k = 0; k < f_; ++k) {
-      const MotionParameter& p = parameters[static_cast<std::size_t>(k)];
-      if (!moves(p, part.limb)) continue;
-      add_parameter(p, next++);
-      part.to.push_back(2 * joints_ + k);
-      ++part.parameters;
-    }
-    column += part.width();
-  }
-}
-
 /// @param column  of C
-void JointWindows::add_parameter(const MotionParameter& p, int column) {
+void LimbWindows::add_parameter(const MotionParameter& p, int column) {
   logarithmic_.push_back(p.logarithmic ? 1 : 0);
   if (p.effect < 0) {
     of_link_.push_back({kThetaSize * p.dof + p.theta, column});
@@ -113,7 +70,7 @@ void JointWindows::add_parameter(const MotionParameter& p, int column) {
   (is_linear ? of.linear : of.shapes).emplace_back(p.index, column);
 }
 
-MotionPath& JointWindows::enter(int run) {
+MotionPath& LimbWindows::enter(int run) {
   const auto at = std::ranges::find_if(models_, [run](const OfRuns& m) {
     return std::ranges::find(m.runs, run) != m.runs.end();
   });
@@ -125,32 +82,19 @@ MotionPath& JointWindows::enter(int run) {
   return models_[now_].path;
 }
 
-/// Positions and velocities that encoders read, (2n), of all degrees of freedom.
-VecX<double> JointWindows::read(const MatX<double>& z) const {
-  VecX<double> out(2 * joints_);
-  for (const int half : {0, 1})
-    for (int j = 0; j < joints_; ++j)
-      out[half * joints_ + j] = z(half * n_ + rotors().encoder(j), 0);
-  return out;
-}
-
 /// First state of a window and its sensitivities. Hidden sides move as what encoders read does, but
 /// for what gravity and the links' motion wind up.
-void JointWindows::begin(const MotionStretch& stretch, const MotionWindow& window) {
-  const VecX<double>& state = window.state;
+void LimbWindows::begin(const MotionStretch& stretch, const MotionWindow& window) {
   A_.setZero(2 * n_, 1 + 2 * joints_ + f_);
-  for (const Part& part : parts_) {
-    const auto [first, count] = std::pair{part.limb.first, part.limb.count};
-    A_.block(first, part.column, count, count).setIdentity();
-    A_.block(n_ + first, part.column + count, count, count).setIdentity();
-    for (const int half : {0, 1})
-      for (const HiddenRotor& r : rotors().rotors())
-        if (std::ranges::find(part.limb.rotors, r.rotor) != part.limb.rotors.end())
-          A_.row(half * n_ + r.rotor) = A_.row(half * n_ + r.joint);
+  for (const int half : {0, 1}) {
+    A_.block(half * n_, 1 + half * joints_, joints_, joints_).setIdentity();
+    for (const HiddenRotor& r : rotors().rotors())
+      A_.row(half * n_ + r.rotor) = A_.row(half * n_ + r.joint);
   }
   A_.col(0) = models_[now_].path.first_state(stretch, window);
   begin_integrators(stretch, window);
   if (rotors().rotors().empty()) return;
+  const VecX<double> state = models_[now_].path.own_state(window);
   q_.resize(n_);
   qd_.resize(n_);
   for (int dof = 0; dof < n_; ++dof) {
@@ -161,14 +105,11 @@ void JointWindows::begin(const MotionStretch& stretch, const MotionWindow& windo
   const Tree<double>& tree = models_[now_].path.dynamics().model().tree;
   rnea_derivatives(tree, q_, qd_, still, hanging_);
   torque_regressor<double, double>(models_[now_].geometry, q_, qd_, still, ws_);
-  for (const Part& part : parts_)
-    for (const HiddenRotor& r : rotors().rotors())
-      if (std::ranges::find(part.limb.rotors, r.rotor) != part.limb.rotors.end())
-        begin_hidden(r, part);
+  for (const HiddenRotor& r : rotors().rotors()) begin_hidden(r);
 }
 
 /// Sensitivities of what drives have summed up before a window, by the parameters of their laws.
-void JointWindows::begin_integrators(const MotionStretch& stretch, const MotionWindow& window) {
+void LimbWindows::begin_integrators(const MotionStretch& stretch, const MotionWindow& window) {
   for (const DriveIntegrator& i : rotors().integrators()) {
     const JetD sum = models_[now_].path.summed_before(i, stretch, window);
     const auto acts = [&](const EffectPart& p) { return p.effect.joints.front() == i.dof; };
@@ -176,25 +117,21 @@ void JointWindows::begin_integrators(const MotionStretch& stretch, const MotionW
       return p.effect.info().has(Trait::kIntegrates) &&
              p.effect.joints.front() == rotors().drive(i.joint);
     };
-    for (const Part& part : parts_)
-      for (const OfEffect& of : of_effect_)
-        for (const auto& [index, column] : of.shapes) {
-          if (column < part.parameter || column >= part.parameter + part.parameters) continue;
-          double& entry =
-              A_(n_ + i.dof, part.column + 2 * part.limb.count + column - part.parameter);
-          const bool by_factor = logarithmic_[static_cast<std::size_t>(column)] != 0;
-          if (std::ranges::any_of(of.parts, acts))
-            entry += sum.v[index] * (by_factor ? of.off[static_cast<std::size_t>(index)] : 1.0);
-          else if (std::ranges::any_of(of.parts, sets_rate))
-            entry += sum.v[6];
-        }
+    for (const OfEffect& of : of_effect_)
+      for (const auto& [index, column] : of.shapes) {
+        double& entry = A_(n_ + i.dof, 1 + 2 * joints_ + column);
+        const bool by_factor = logarithmic_[static_cast<std::size_t>(column)] != 0;
+        if (std::ranges::any_of(of.parts, acts))
+          entry += sum.v[index] * (by_factor ? of.off[static_cast<std::size_t>(index)] : 1.0);
+        else if (std::ranges::any_of(of.parts, sets_rate))
+          entry += sum.v[6];
+      }
   }
 }
 
 /// Adds what winds a gear up at the beginning to the sensitivities of its hidden side.
-void JointWindows::begin_hidden(const HiddenRotor& r, const Part& part) {
+void LimbWindows::begin_hidden(const HiddenRotor& r) {
   const double side = r.read ? -1.0 : 1.0;
-  const auto [first, count] = std::pair{part.limb.first, part.limb.count};
   jet_p_.clear();
   for (std::size_t k = 0; k < r.gear.parameters.size(); ++k) {
     jet_p_.emplace_back(r.gear.parameters[k]);
@@ -205,122 +142,103 @@ void JointWindows::begin_hidden(const HiddenRotor& r, const Part& part) {
   const JetD wound = deflection_at(r.gear, load, jet_p_.data());
   auto row = A_.row(r.hidden());
   const double by_load = side * wound.v[0];
-  for (int j = 0; j < count; ++j)
-    for (const int dof : part.dofs) {
-      if (rotors().joint_of(dof) != first + j) continue;
-      row[part.column + j] += by_load * hanging_.dtau_dq(r.joint, dof);
-      row[part.column + count + j] += by_load * hanging_.dtau_dqd(r.joint, dof);
-    }
-  const auto column_of = [&](int of_parameters) {  // in A
-    return part.column + 2 * count + of_parameters - part.parameter;
-  };
+  for (int dof = 0; dof < n_; ++dof) {
+    const int j = rotors().joint_of(dof);
+    row[1 + j] += by_load * hanging_.dtau_dq(r.joint, dof);
+    row[1 + joints_ + j] += by_load * hanging_.dtau_dqd(r.joint, dof);
+  }
+  auto by_parameter = row.tail(f_);
   for (const OfLink& of : of_link_)
-    if ((of.effect < 0 || acting_[static_cast<std::size_t>(of.effect)] != 0) &&
-        of.free >= part.parameter && of.free < part.parameter + part.parameters)
-      row[column_of(of.free)] += by_load * ws_.Y(r.joint, of.column);
+    if (of.effect < 0 || acting_[static_cast<std::size_t>(of.effect)] != 0)
+      by_parameter[of.free] += by_load * ws_.Y(r.joint, of.column);
   for (const OfEffect& of : of_effect_)
     for (const auto& [index, column] : of.shapes)
       if (std::ranges::any_of(of.parts, [&](const EffectPart& p) {
             return p.effect.is_gear && p.effect.joints.back() == r.rotor;
           }))
-        row[column_of(column)] += side * wound.v[1 + index] *
-                                  (logarithmic_[static_cast<std::size_t>(column)] != 0
-                                       ? r.gear.parameters[static_cast<std::size_t>(index)]
-                                       : 1.0);
+        by_parameter[column] += side * wound.v[1 + index] *
+                                (logarithmic_[static_cast<std::size_t>(column)] != 0
+                                     ? r.gear.parameters[static_cast<std::size_t>(index)]
+                                     : 1.0);
 }
 
-bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& window,
-                             const VecX<double>& sigma, TriangularFactor& rows) {
+bool LimbWindows::linearise(const MotionStretch& stretch, const MotionWindow& window,
+                            const VecX<double>& sigma, TriangularFactor& rows) {
   constexpr long kBlock = 256;  // rows of the stretch that are handed to the factor at once
   const int width = 2 * joints_ + f_;
   MotionPath& path = enter(stretch.run);
   begin(stretch, window);
-  std::vector<TriangularFactor> factors;
-  for (Part& part : parts_) {
-    part.block.resize(kBlock * part.limb.count, part.width() + 1);
-    part.filled = 0;
-    factors.emplace_back(part.width());
-  }
+  block_.resize(kBlock * joints_, width + 1);
+  long filled = 0;
   const long reached = path.integrate(
       stretch, window, A_,
       [&](const VecX<double>& u, const MatX<double>& at, MatX<double>& d) {
         slope(stretch.run, u, at, d);
       },
       [&](long k, const MatX<double>& at) {
-        for (std::size_t i = 0; i < parts_.size(); ++i) {
-          Part& part = parts_[i];
-          const auto [first, count] = std::pair{part.limb.first, part.limb.count};
-          for (int j = first; j < first + count; ++j) {
-            const double q = stretch.q(window.first + k, j);
-            if (std::isnan(q)) continue;
-            const int dof = rotors().encoder(j);
-            auto row = part.block.row(part.filled++);
-            row.head(part.width()) = at.row(dof).segment(part.column, part.width()) / sigma[j];
-            row[part.width()] = (at(dof, 0) - q) / sigma[j];
-          }
-          if (part.filled + count > part.block.rows()) {
-            factors[i].add(part.block.topRows(part.filled));
-            part.filled = 0;
-          }
+        for (int j = 0; j < joints_; ++j) {
+          const double q = stretch.q(window.first + k, first_ + j);
+          if (std::isnan(q)) continue;
+          const int dof = rotors().encoder(j);
+          const double noise = sigma[first_ + j];
+          auto row = block_.row(filled++);
+          row.head(width) = at.row(dof).tail(width) / noise;
+          row[width] = (at(dof, 0) - q) / noise;
+        }
+        if (filled + joints_ > block_.rows()) {
+          rows.add(block_.topRows(filled));
+          filled = 0;
         }
       });
-  for (std::size_t i = 0; i < parts_.size(); ++i) {
-    Part& part = parts_[i];
-    factors[i].add(part.block.topRows(part.filled));
-    const MatX<double> R = factors[i].R();
-    RowMatX<double> placed = RowMatX<double>::Zero(part.width() + 1, width + 1);
-    for (int c = 0; c < part.width(); ++c)
-      placed.col(part.to[static_cast<std::size_t>(c)]).head(part.width()) = R.col(c);
-    placed.col(width).head(part.width()) = factors[i].d();
-    placed(part.width(), width) = std::sqrt(factors[i].residual_sum_of_squares());
-    rows.add(placed);
-  }
+  rows.add(block_.topRows(filled));
   return reached == window.rows;
 }
 
-double JointWindows::cost(const MotionStretch& stretch, const MotionWindow& window,
-                          const VecX<double>& sigma) {
+double LimbWindows::cost(const MotionStretch& stretch, const MotionWindow& window,
+                         const VecX<double>& sigma) {
   double sum = 0.0;
   const long reached =
       enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
         for (int j = 0; j < joints_; ++j) {
-          const double q = stretch.q(window.first + k, j);
-          if (!std::isnan(q)) sum += 0.5 * std::pow((z(rotors().encoder(j), 0) - q) / sigma[j], 2);
+          const double q = stretch.q(window.first + k, first_ + j);
+          if (!std::isnan(q))
+            sum += 0.5 * std::pow((z(rotors().encoder(j), 0) - q) / sigma[first_ + j], 2);
         }
       });
   return reached == window.rows ? sum : kInfinity;
 }
 
-RowMatX<double> JointWindows::positions(const MotionStretch& stretch, const MotionWindow& window) {
-  RowMatX<double> q = RowMatX<double>::Constant(window.rows, joints_, kNaN);
+void LimbWindows::positions(const MotionStretch& stretch, const MotionWindow& window,
+                            RowMatX<double>& q) {
   enter(stretch.run).simulate(stretch, window, [&](long k, const MatX<double>& z) {
-    q.row(k) = read(z).head(joints_).transpose();
+    for (int j = 0; j < joints_; ++j) q(k, first_ + j) = z(rotors().encoder(j), 0);
   });
-  return q;
 }
 
-bool JointWindows::state_at(const MotionStretch& stretch, const MotionWindow& window, long row,
-                            VecX<double>& out) {
+bool LimbWindows::state_at(const MotionStretch& stretch, const MotionWindow& window, long row,
+                           VecX<double>& out) {
   MotionWindow until = window;
   until.rows = row + 1;
+  const long half = out.size() / 2;
   return enter(stretch.run).simulate(stretch, until, [&](long k, const MatX<double>& z) {
-    if (k == row) out = read(z);
+    for (int j = 0; j < joints_ && k == row; ++j)
+      for (const int order : {0, 1})
+        out[order * half + first_ + j] = z(order * n_ + rotors().encoder(j), 0);
   }) == row + 1;
 }
 
-VecX<double> JointWindows::torque_noise_reach(const MotionStretch& stretch,
-                                              const MotionWindow& window,
-                                              const VecX<double>& density) {
+void LimbWindows::torque_noise_reach(const MotionStretch& stretch, const MotionWindow& window,
+                                     const VecX<double>& density, VecX<double>& out) {
   MotionPath& path = enter(stretch.run);
   ForwardDynamics& dynamics = path.dynamics();
   MatX<double> P = MatX<double>::Zero(2 * n_, 2 * n_), F(2 * n_, 2 * n_), B(n_, n_);
   VecX<double> u(n_), at_drives(n_);
-  path.rotors().at_drives(density, at_drives);
+  path.rotors().at_drives(density.segment(first_, joints_), at_drives);
   path.simulate(stretch, window, [&](long k, const MatX<double>& z) {
     if (k + 1 >= window.rows) return;
     const std::size_t row = static_cast<std::size_t>(window.first + k);
     const double h = stretch.time[row + 1] - stretch.time[row];
-    path.rotors().at_drives(stretch.u.row(window.first + k).transpose(), u);
+    path.rotors().at_drives(path.logged(stretch, window.first + k), u);
     dynamics.linearise(z.data(), z.data() + n_, u.data(), stretch.run);
     // Steep friction forgets within the row: backward Euler in the velocities.
     const MatX<double> W = MatX<double>::Identity(n_, n_) - h * dynamics.dqdd_dqd();
@@ -334,61 +252,30 @@ VecX<double> JointWindows::torque_noise_reach(const MotionStretch& stretch,
     P = F * P * F.transpose();
     P.bottomRightCorner(n_, n_) += h * B * at_drives.asDiagonal() * B.transpose();
   });
-  VecX<double> out(joints_);
   for (int j = 0; j < joints_; ++j) {
     const int dof = path.rotors().encoder(j);
-    out[j] = std::sqrt(std::max(P(dof, dof), 0.0));
+    out[first_ + j] = std::sqrt(std::max(P(dof, dof), 0.0));
   }
-  return out;
 }
 
 /// d/dt [z | Z]: Z̈_q = ∂q̈/∂q Z_q + ∂q̈/∂q̇ Z_q̇ − M⁻¹ C in the parameters' columns.
-void JointWindows::slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA) {
+void LimbWindows::slope(int run, const VecX<double>& u, const MatX<double>& A, MatX<double>& dA) {
   ForwardDynamics& dynamics = models_[now_].path.dynamics();
   dynamics.linearise(A.data(), A.data() + n_, u.data(), run);
   columns(run, A);
   dA.setZero(A.rows(), A.cols());
   dA.topRows(n_) = A.bottomRows(n_);
-  for (const Part& part : parts_) {
-    if (!part.on_end) {
-      slope_of_dofs(part, A, dA);
-      continue;
-    }
-    const auto [first, count] = std::pair{part.dofs.front(), static_cast<int>(part.dofs.size())};
-    const auto of_limb = [&](const auto& M) { return M.block(first, first, count, count); };
-    auto out = dA.block(n_ + first, part.column, count, part.width());
-    const auto rows_of = [&](const MatX<double>& M, int row) {
-      return M.block(row, part.column, count, part.width());
-    };
-    // Few rows: Eigen's blocked products would spend their time on packing.
-    out.noalias() = of_limb(dynamics.dqdd_dq()).lazyProduct(rows_of(A, first));
-    out.noalias() += of_limb(dynamics.dqdd_dqd()).lazyProduct(rows_of(A, n_ + first));
-    out.rightCols(part.parameters).noalias() -=
-        of_limb(dynamics.inverse_mass_matrix())
-            .lazyProduct(C_.block(first, part.parameter, count, part.parameters));
-  }
+  auto out = dA.bottomRightCorner(n_, 2 * joints_ + f_);
+  const auto columns_of = [&](const auto& rows) { return rows.rightCols(2 * joints_ + f_); };
+  // Few rows: Eigen's blocked products would spend their time on packing.
+  out.noalias() = dynamics.dqdd_dq().lazyProduct(columns_of(A.topRows(n_)));
+  out.noalias() += dynamics.dqdd_dqd().lazyProduct(columns_of(A.bottomRows(n_)));
+  out.rightCols(f_).noalias() -= dynamics.inverse_mass_matrix().lazyProduct(C_);
   dA.col(0).tail(n_) = dynamics.qdd();
 }
 
-/// The same of a limb whose degrees of freedom are not on end.
-void JointWindows::slope_of_dofs(const Part& part, const MatX<double>& A, MatX<double>& dA) {
-  const ForwardDynamics& dynamics = models_[now_].path.dynamics();
-  const std::vector<int>& dofs = part.dofs;
-  const auto columns = Eigen::seqN(part.column, part.width());
-  std::vector<int> speeds;
-  for (const int dof : dofs) speeds.push_back(n_ + dof);
-  gathered_q_ = A(dofs, columns);
-  gathered_qd_ = A(speeds, columns);
-  slope_.noalias() = MatX<double>(dynamics.dqdd_dq()(dofs, dofs)).lazyProduct(gathered_q_);
-  slope_.noalias() += MatX<double>(dynamics.dqdd_dqd()(dofs, dofs)).lazyProduct(gathered_qd_);
-  slope_.rightCols(part.parameters).noalias() -=
-      MatX<double>(dynamics.inverse_mass_matrix()(dofs, dofs))
-          .lazyProduct(MatX<double>(C_(dofs, Eigen::seqN(part.parameter, part.parameters))));
-  dA(speeds, columns) = slope_;
-}
-
 /// C = ∂τ/∂x at q̈, at the links (armature and friction over 1 + ε): ∂q̈/∂x = −M⁻¹ C, or −S⁻¹ C.
-void JointWindows::columns(int run, const MatX<double>& A) {
+void LimbWindows::columns(int run, const MatX<double>& A) {
   C_.setZero(n_, f_);
   if (f_ == 0) return;
   const ForwardDynamics& dynamics = models_[now_].path.dynamics();
@@ -432,8 +319,8 @@ void JointWindows::columns(int run, const MatX<double>& A) {
 }
 
 /// Columns of one effect's parameters, where it acts.
-void JointWindows::add_columns(std::size_t e, const JointSample<double>& x,
-                               const JointSample<JetD>& jets) {
+void LimbWindows::add_columns(std::size_t e, const JointSample<double>& x,
+                              const JointSample<JetD>& jets) {
   const VecX<double>& gains = models_[now_].path.dynamics().gains();
   OfEffect& of = of_effect_[e];
   for (const auto& [effect, share, shapes_alone] : of.parts) {
