@@ -451,40 +451,65 @@ double MotionFitter::correlation(const std::vector<MotionWindow>& windows) const
 }
 
 void MotionFitter::set_covariance(const std::vector<MotionWindow>& windows) {
-  // Fewer clusters make a sandwich of too low a rank.
-  constexpr std::size_t kClusters = 5;  // a parameter
+  // Blocks of time that are left out in turn, at least: their spread is known to a sixth then.
+  constexpr std::size_t kBlocks = 20;
   const int f = static_cast<int>(free_.size());
   const long columns =
       static_cast<long>(problem_.layout.linear.size() + problem_.layout.shape.size());
+  const std::size_t each =
+      (kBlocks + windows.size() - 1) / std::max<std::size_t>(windows.size(), 1);
+  const int states = 2 * static_cast<int>(problem_.sigma.size());
+  // Rows of each window, in blocks and as a whole.
+  std::vector<std::vector<TriangularFactor>> blocks(
+      windows.size(), std::vector<TriangularFactor>(each, TriangularFactor(states + f)));
+  std::vector<ReducedWindow> wholes(windows.size());
+  const auto reduced = [&](std::size_t window, bool finite, std::size_t without) {
+    TriangularFactor rows(states + f);
+    for (std::size_t b = 0; b < each; ++b)
+      if (b != without) rows.add(blocks[window][b]);
+    return eliminate(rows, states, finite);
+  };
   Workers simulators = workers();
-  // (H + Λ) = R̃ᵀR̃: directions that only the prior holds are beyond what H itself resolves.
-  TriangularFactor whole(f);
-  std::vector<VecX<double>> scores;
-  for (const ReducedWindow& r : linearise(simulators, windows, f)) {
-    if (!r.finite) continue;
-    whole.add(r.rows);
-    scores.push_back(r.rows.leftCols(f).transpose() * r.rows.col(f));
-  }
+  parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {
+    const bool finite = simulators[t]->linearise(problem_.stretches[windows[i].stretch], windows[i],
+                                                 problem_.sigma, blocks[i]);
+    wholes[i] = reduced(i, finite, each);
+  });
+  // (H + Λ) = RᵀR: directions that only the prior holds are beyond what H itself resolves.
+  TriangularFactor all(f);
+  for (const ReducedWindow& w : wholes)
+    if (w.finite) all.add(w.rows);
   RowMatX<double> prior = RowMatX<double>::Zero(f, f + 1);
   for (int k = 0; k < f; ++k)
     prior(k, k) = misfit() / (10.0 * scale_of(free_[static_cast<std::size_t>(k)]));
-  whole.add(prior);
-  const MatX<double> R = whole.R();
-  const auto over_information = [&](const MatX<double>& G) -> MatX<double> {
-    const MatX<double> half = R.transpose().triangularView<Eigen::Lower>().solve(G);
-    return R.triangularView<Eigen::Upper>().solve(half);
+  all.add(prior);
+  const MatX<double> R = all.R(), one = MatX<double>::Identity(f, f);
+  const auto over_R = [&](const MatX<double>& of) -> MatX<double> {
+    return R.triangularView<Eigen::Upper>().solve(of);
   };
-  MatX<double> of_free;
-  if (scores.size() < kClusters * static_cast<std::size_t>(f)) {
-    of_free = std::max(correlation(windows), 1.0) * over_information(MatX<double>::Identity(f, f));
-  } else {
-    const long w = static_cast<long>(scores.size());
-    MatX<double> G = MatX<double>::Zero(f, w + f);
-    for (long k = 0; k < w; ++k) G.col(k) = scores[static_cast<std::size_t>(k)];
-    G.rightCols(f) = misfit() * prior.leftCols(f);
-    const MatX<double> X = over_information(G);
-    of_free = X * X.transpose();
+  const MatX<double> inverse = over_R(one);
+  // Jackknife: one Gauss–Newton step from here to where the fit to the other blocks would be.
+  VecX<double> spread = VecX<double>::Zero(f);
+  double count = 0.0;
+  for (std::size_t i = 0; i < windows.size(); ++i) {
+    if (!wholes[i].finite) continue;
+    const MatX<double> A = wholes[i].rows.leftCols(f) * inverse;
+    for (std::size_t b = 0; b < each; ++b) {
+      const ReducedWindow rest = reduced(i, true, b);
+      const MatX<double> B = rest.rows.leftCols(f) * inverse;
+      const VecX<double> gradient =
+          B.transpose() * rest.rows.col(f) - A.transpose() * wholes[i].rows.col(f);
+      const MatX<double> H = one - A.transpose() * A + B.transpose() * B;
+      spread += over_R(H.ldlt().solve(gradient)).cwiseAbs2();
+      count += 1.0;
+    }
   }
+  // The variance of Student's t where blocks are few.
+  if (count > 3.0) spread *= (count - 1.0) / count * (count - 1.0) / (count - 3.0);
+  MatX<double> of_free = inverse * inverse.transpose();
+  // No parameter is known better than independent noise lets it be.
+  const VecX<double> wider = spread.cwiseQuotient(of_free.diagonal()).cwiseMax(1.0).cwiseSqrt();
+  of_free = wider.asDiagonal() * of_free * wider.asDiagonal();
   now_.covariance = MatX<double>::Zero(columns, columns);
   now_.covariance(free_, free_) = of_free;
   const long p = static_cast<long>(problem_.layout.linear.size());

@@ -60,8 +60,9 @@ class MotionFitter {
   void fit(std::vector<MotionWindow>& windows, double tolerance, double to_beat = kNoRival);
   /// Fits the states alone. @param tolerance  as for fit()
   void fit_states(std::vector<MotionWindow>& windows, double tolerance) const;
-  /// Standard errors at the present point: windows as clusters (Liang, Zeger 1986) where these are
-  /// many, otherwise independent residuals times what their autocorrelation makes of them.
+  /// Standard errors at the present point: as they differ where blocks of time are left out in turn
+  /// (jackknife; Efron 1982), so that residuals may depend on each other, and be larger here than
+  /// there; no less than independent noise makes them.
   void set_covariance(const std::vector<MotionWindow>& windows);
 
   /// Columns that are fitted: linear parameters of the layout, then their number + index of shapes.

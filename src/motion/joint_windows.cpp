@@ -49,21 +49,23 @@ JointWindows::JointWindows(const std::vector<ModelOfRuns>& models,
 }
 
 bool JointWindows::linearise(const MotionStretch& stretch, const MotionWindow& window,
-                             const VecX<double>& sigma, TriangularFactor& rows) {
+                             const VecX<double>& sigma, std::span<TriangularFactor> rows) {
   if (parts_.size() == 1) return parts_.front().windows.linearise(stretch, window, sigma, rows);
   const int width = 2 * joints_ + f_;
   bool reached = true;
   for (Part& part : parts_) {
     const int own = static_cast<int>(part.to.size());
-    TriangularFactor factor(own);
-    reached = part.windows.linearise(stretch, window, sigma, factor) && reached;
-    const MatX<double> R = factor.R();
-    RowMatX<double> placed = RowMatX<double>::Zero(own + 1, width + 1);
-    for (int c = 0; c < own; ++c)
-      placed.col(part.to[static_cast<std::size_t>(c)]).head(own) = R.col(c);
-    placed.col(width).head(own) = factor.d();
-    placed(own, width) = std::sqrt(factor.residual_sum_of_squares());
-    rows.add(placed);
+    std::vector<TriangularFactor> factors(rows.size(), TriangularFactor(own));
+    reached = part.windows.linearise(stretch, window, sigma, factors) && reached;
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      const MatX<double> R = factors[k].R();
+      RowMatX<double> placed = RowMatX<double>::Zero(own + 1, width + 1);
+      for (int c = 0; c < own; ++c)
+        placed.col(part.to[static_cast<std::size_t>(c)]).head(own) = R.col(c);
+      placed.col(width).head(own) = factors[k].d();
+      placed(own, width) = std::sqrt(factors[k].residual_sum_of_squares());
+      rows[k].add(placed);
+    }
   }
   return reached;
 }

@@ -23,7 +23,12 @@ class JointWindows : public WindowSimulator {
 
   int states() const override { return 2 * joints_; }
   bool linearise(const MotionStretch& stretch, const MotionWindow& window,
-                 const VecX<double>& sigma, TriangularFactor& rows) override;
+                 const VecX<double>& sigma, TriangularFactor& rows) override {
+    return linearise(stretch, window, sigma, std::span(&rows, 1));
+  }
+  /// The same, with a factor for each part of the window; parts follow one another and are as long.
+  bool linearise(const MotionStretch& stretch, const MotionWindow& window,
+                 const VecX<double>& sigma, std::span<TriangularFactor> rows);
   double cost(const MotionStretch& stretch, const MotionWindow& window,
               const VecX<double>& sigma) override;
   RowMatX<double> positions(const MotionStretch& stretch, const MotionWindow& window) override;

@@ -163,19 +163,28 @@ void LimbWindows::begin_hidden(const HiddenRotor& r) {
 }
 
 bool LimbWindows::linearise(const MotionStretch& stretch, const MotionWindow& window,
-                            const VecX<double>& sigma, TriangularFactor& rows) {
+                            const VecX<double>& sigma, std::span<TriangularFactor> rows) {
   constexpr long kBlock = 256;  // rows of the stretch that are handed to the factor at once
   const int width = 2 * joints_ + f_;
   MotionPath& path = enter(stretch.run);
   begin(stretch, window);
   block_.resize(kBlock * joints_, width + 1);
   long filled = 0;
+  std::size_t part = 0;
+  const auto hand_on = [&] {
+    rows[part].add(block_.topRows(filled));
+    filled = 0;
+  };
   const long reached = path.integrate(
       stretch, window, A_,
       [&](const VecX<double>& u, const MatX<double>& at, MatX<double>& d) {
         slope(stretch.run, u, at, d);
       },
       [&](long k, const MatX<double>& at) {
+        const std::size_t now =
+            static_cast<std::size_t>(k) * rows.size() / static_cast<std::size_t>(window.rows);
+        if (now != part || filled + joints_ > block_.rows()) hand_on();
+        part = now;
         for (int j = 0; j < joints_; ++j) {
           const double q = stretch.q(window.first + k, first_ + j);
           if (std::isnan(q)) continue;
@@ -185,12 +194,8 @@ bool LimbWindows::linearise(const MotionStretch& stretch, const MotionWindow& wi
           row.head(width) = at.row(dof).tail(width) / noise;
           row[width] = (at(dof, 0) - q) / noise;
         }
-        if (filled + joints_ > block_.rows()) {
-          rows.add(block_.topRows(filled));
-          filled = 0;
-        }
       });
-  rows.add(block_.topRows(filled));
+  hand_on();
   return reached == window.rows;
 }
 

@@ -2,6 +2,7 @@
 /// Simulated windows of one limb's joints: output errors, and their sensitivities to the first
 /// state and to free parameters. Internal to the library.
 
+#include <span>
 #include <vector>
 
 #include <diffnea/core/triangular_factor.hpp>
@@ -40,10 +41,11 @@ class LimbWindows {
   LimbWindows(const Limb& limb, std::vector<ModelOfRuns> models, std::vector<BoundEffect> effects,
               const std::vector<MotionParameter>& parameters, const SteppingOptions& options);
 
-  /// Adds the rows (q̂ − q)/σ of a window, (·, 2n + f + 1) of the limb's n joints and f parameters.
+  /// Adds the rows (q̂ − q)/σ of a window, (·, 2n + f + 1) of the limb's n joints and f parameters,
+  /// to one factor for each part of the window; parts follow one another and are as long.
   /// @return whether the simulation reached the window's end
   bool linearise(const MotionStretch& stretch, const MotionWindow& window,
-                 const VecX<double>& sigma, TriangularFactor& rows);
+                 const VecX<double>& sigma, std::span<TriangularFactor> rows);
   /// ½ Σ (residual/σ)²; +∞ if it blew up.
   double cost(const MotionStretch& stretch, const MotionWindow& window, const VecX<double>& sigma);
   /// Writes positions until the simulation blows up.
