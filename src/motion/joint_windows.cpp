@@ -26,7 +26,7 @@ JointWindows::JointWindows(const std::vector<ModelOfRuns>& models,
     for (const int first : {0, joints_})
       for (int j = 0; j < limb.count; ++j) to.push_back(first + limb.first + j);
     std::vector<BoundEffect> own;
-    std::vector<int> number(effects.size(), -1);  // of the robot's effects among the limb's
+    std::vector<int> number(effects.size(), -1);  // among the limb's, for each effect
     for (std::size_t e = 0; e < effects.size(); ++e)
       if (part.has(effects[e])) {
         number[e] = static_cast<int>(own.size());

@@ -28,7 +28,7 @@ class LimbPart {
   int link(int whole) const { return link_[static_cast<std::size_t>(whole)]; }
   /// Tells whether an effect acts there.
   bool has(const BoundEffect& effect) const;
-  /// That effect there.
+  /// Effect as the limb has it.
   BoundEffect effect(BoundEffect whole) const;
   /// The limb's share of a model.
   ExtendedTree model(const ExtendedTree& whole) const;

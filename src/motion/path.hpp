@@ -186,7 +186,7 @@ class MotionPath {
   SteppingOptions options_;
   HiddenRotors rotors_;
   ForwardDynamics dynamics_;
-  int first_joint_;       ///< of stretches: the model's first
+  int first_joint_;       ///< column of stretches that is the model's first
   int n_;                 ///< degrees of freedom N
   bool dry_ = false;      ///< some effect's torque reads the velocity
   VecX<double> sharp_;    ///< (N) speed within which dry friction turns; infinite: there is none
