@@ -41,11 +41,10 @@ std::vector<Limb> limbs(const ExtendedTree& model, const std::vector<BoundEffect
 
 LimbPart::LimbPart(const Tree<double>& tree, const Limb& limb)
     : limb_(limb), link_(static_cast<std::size_t>(tree.num_links()), -1) {
-  int next = 0;
   for (int i = 0; i < tree.num_links(); ++i) {
     const int joint = tree.free_base ? limb.first : tree.drive(i).dof;
     if (joint >= limb.first && joint < limb.first + limb.count)
-      link_[static_cast<std::size_t>(i)] = next++;
+      link_[static_cast<std::size_t>(i)] = links_++;
   }
 }
 
@@ -56,7 +55,7 @@ bool LimbPart::has(const BoundEffect& e) const {
 }
 
 BoundEffect LimbPart::effect(BoundEffect e) const {
-  if (e.num_joints == limb_.count) return e;  // the limb is the robot
+  if (is_robot()) return e;
   for (int& j : e.joints) j -= limb_.first;
   for (int& l : e.links) l = link(l);
   for (JointDrive& d : e.follows) d.dof -= limb_.first;
@@ -65,7 +64,7 @@ BoundEffect LimbPart::effect(BoundEffect e) const {
 }
 
 ExtendedTree LimbPart::model(const ExtendedTree& whole) const {
-  if (whole.tree.num_dofs() == limb_.count) return whole;
+  if (is_robot()) return whole;
   ExtendedTree out;
   out.tree.gravity = whole.tree.gravity;
   const Coordinates& coordinates = whole.tree.coordinates;

@@ -34,8 +34,11 @@ class LimbPart {
   ExtendedTree model(const ExtendedTree& whole) const;
 
  private:
+  bool is_robot() const { return links_ == static_cast<int>(link_.size()); }
+
   Limb limb_;
   std::vector<int> link_;  ///< for each of the robot
+  int links_ = 0;          ///< number of the limb's
 };
 
 }  // namespace diffnea
