@@ -316,7 +316,7 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
   dz.setZero(z.size());
   dz.head(n_) = z.segment(n_, n_);
   VecX<double> q = z.head(n_), qd = z.segment(n_, n_);
-  VecX<double> load = VecX<double>::Zero(n_);  // what gears transmit
+  VecX<double> load = VecX<double>::Zero(n_);  // torque that gears transmit
   for (int k = 0; k < m; ++k) {  // where the motors are
     const Motor& motor = motors_[static_cast<std::size_t>(k)];
     const int j = motor.joint;

@@ -219,8 +219,7 @@ TEST_CASE("record: what a motor behind a spring has of its load is of what the s
   const BoundEffect spring = bind(elastic, nominal);
   const RowMatX<double> without =
       x.logged - x.total - series_torque(spring, base, x, spring.parameters.data());
-  // What the log has more, of what the links need at the motor's speed: that is the link's but for
-  // how fast the spring winds up.
+  // The motor turns as fast as the link, but for how fast the spring winds up.
   const double wind_up = 1.0 / 2000.0;
   RowMatX<double> left = without;
   for (long k = 1; k + 1 < x.rows(); ++k) {
