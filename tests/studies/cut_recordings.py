@@ -59,7 +59,7 @@ def say(
     try:
         _, result = bench.run(title, "diagnose", model, *files)
     except FileNotFoundError:
-        return  # what was refused has been printed
+        return  # a refusal has been printed
     gain, seconds = result["gain"], result["summary"]["seconds"]
     print(f"  {result['verdict']}: {'. '.join(result['sentence'].split('. ')[:2])}")
     print(f"  held out {gain['test_rmse_before']:.3g} -> {gain['test_rmse_after']:.3g}; {seconds:.1f} s")
