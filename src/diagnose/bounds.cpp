@@ -7,6 +7,8 @@
 #include <set>
 
 #include "core/constants.hpp"
+#include "diagnose/sessions.hpp"
+#include "diagnose/term.hpp"
 
 namespace diffnea {
 namespace {
@@ -210,6 +212,13 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
       continue;
     }
     if (is_of_resting(evidence, c.effect)) continue;
+    if (is_of_runs(c.effect) && !tells_sessions(evidence)) {
+      if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == info.name; }))
+        refused.push_back(
+            {info.name, "all",
+             "not tried: no run is longer than the second in which errors go together", 0.0});
+      continue;
+    }
     // Bristles are why it sticks there, and show in the turns that are left out.
     if (c.bound() == SearchBound::kPresliding && std::ranges::any_of(c.effect.joints, [&](int j) {
           return std::ranges::find(evidence.sticking(), j) != evidence.sticking().end();

@@ -49,6 +49,24 @@ Recording part_of(const Recording& r, double first, double last) {
   return detail::part(r, from, rows);
 }
 
+/// Rows that have a torque of every joint that has any: no other is simulated.
+Recording with_torques(const Recording& r) {
+  std::vector<long> rows;
+  for (long i = 0; i < r.rows(); ++i) {
+    bool lacks = false;
+    for (long j = 0; j < r.tau.cols(); ++j)
+      lacks = lacks || (r.has_tau[static_cast<std::size_t>(j)] && std::isnan(r.tau(i, j)));
+    if (!lacks) rows.push_back(i);
+  }
+  if (std::ssize(rows) == r.rows()) return r;
+  Recording out = detail::part(r, 0, 0);
+  out.time = r.time(rows);
+  out.q = r.q(rows, Eigen::all);
+  out.tau = r.tau(rows, Eigen::all);
+  if (r.qd.size() > 0) out.qd = r.qd(rows, Eigen::all);
+  return out;
+}
+
 /// Torques as they act, on lines between those that were logged; at the end the last one stays.
 void act_late(Recording& r, double late) {
   if (late == 0.0) return;
@@ -194,7 +212,7 @@ HeldOutMotion held_out_motion(const RecordingSource& source, const Evidence& evi
         const int run = evidence.first_run() + r.run;
         begins[run] = r.time[0];
         const auto keep = [&](double first, double last) {
-          parts.push_back(part_of(r, first, last));
+          parts.push_back(with_torques(part_of(r, first, last)));
           act_late(parts.back(), late);
           parts.back().run = run;
           rows += parts.back().rows();

@@ -92,6 +92,18 @@ double rms_of(const Evidence& e, const std::vector<bool>& counts, std::size_t k,
   return std::sqrt(squares / std::max(count, 1.0));
 }
 
+/// Root mean square of what a joint's torque changes by from one row of the log to the next.
+double change_of(const std::vector<Recording>& sample, std::size_t joint) {
+  double squares = 0.0, count = 0.0;
+  for (const Recording& r : sample)
+    for (long i = 1; i < r.rows(); ++i) {
+      const double change =
+          r.tau(i, static_cast<long>(joint)) - r.tau(i - 1, static_cast<long>(joint));
+      if (std::isfinite(change)) squares += change * change, ++count;
+    }
+  return std::sqrt(squares / std::max(count, 1.0));
+}
+
 /// Where noise is more than half of a torque's power, nothing that is left of it says anything.
 /// @throws DataError if it is so at every joint
 void require_torque(JointCase& c) {
@@ -108,30 +120,33 @@ void require_torque(JointCase& c) {
     if (c.train->passive(static_cast<long>(k))) continue;
     ++driven;
     const std::size_t j = static_cast<std::size_t>(c.train->joints()[k]);
-    const auto look = [&](double noise, double torque, const std::string& rows) {
+    const auto look = [&](double noise, double torque, const RecordingSource& source,
+                          const std::string& rows) {
       if (!(torque > 0.0) || !(2.0 * noise * noise > torque * torque)) return false;
       drowned.push_back(joint_names(c.model)[j] + ": noise of " + format_number(noise) + " " +
                         units[j] + " in a torque of " + format_number(torque) + " " + units[j] +
-                        " (" + rows + ")");
+                        ", which changes by " + format_number(change_of(source.sample(), j)) + " " +
+                        units[j] + " from one row to the next (" + rows + ")");
       return true;
     };
     const double of_signals =
         c.test ? std::min(held.signal_noise(static_cast<long>(k)), rms_of(held, of_held, k, left))
                : 0.0;
     if (look(noises[k].rms, rms_of(*c.train, c.search->whitener().kept(), k, c.train->torque()),
-             "fitted rows of " + fitted))
+             c.train_source, "fitted rows of " + fitted))
       ++of_fitted;
     else
       look(std::max(noises[k].rms, of_signals), rms_of(held, of_held, k, held.torque()),
-           "held-out rows of " + held_out);
+           c.test ? *c.test_source : c.train_source, "held-out rows of " + held_out);
   }
   if (drowned.empty()) return;
   const std::string why =
       "noise is more than half of the torque's power, so that nothing can be said of it: " +
       detail::join(drowned, "; ") +
       ". Neither the model nor any smooth function of the motion explains it: is the column the "
-      "torque, true all along (no limit, no touch, no drive switched off)? Else record faster "
-      "motion";
+      "torque, true all along (no limit, no touch, no drive switched off)? If it changes as much "
+      "from row to row, log "
+      "faster; else record faster motion";
   if (drowned.size() == driven)
     throw DataError((of_fitted > 0 ? fitted : held_out) + ": diagnose: " + why);
   c.drowned = true;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <set>
 
@@ -67,10 +68,12 @@ class JointDiagnosis {
   void judge();
   /// Errors, parameters and motion of the extended model.
   void complete();
-  /// Leaves out causes with which a simulation follows the robot less well, the least first.
-  void follow(Selection& selection, std::vector<Refusal>& refused);
-  /// Simulates held-out motion with base and extended model. @return whether the latter loses
-  bool simulate(const Model& extended);
+  /// Leaves out causes with which a simulation follows the robot less well, or that none holds
+  /// together, the least first.
+  void follow(Selection& selection, const std::function<bool(const FitProgress&)>& progress);
+  /// Simulates held-out motion with base and extended model.
+  /// @return why the latter does not stand; null: it does
+  const char* simulate(const Model& extended);
   /// Only where something is left to tell apart: it takes a few seconds.
   void plan_next();
   void add_grey_box();
@@ -146,16 +149,16 @@ void JointDiagnosis::select() {
                        }});
   first_scores_ = case_.search->scores({});
   level_sum_ = case_.search->residual_sum();
-  terms_ = selection.run([this](const FitProgress& progress) {
-    return !case_.options.progress || case_.options.progress(progress);
-  });
-  std::vector<Refusal> refused = selection.refused();
-  follow(selection, refused);
+  const auto progress = [this](const FitProgress& at) {
+    return !case_.options.progress || case_.options.progress(at);
+  };
+  terms_ = selection.run(progress);
+  follow(selection, progress);
   if (static_cast<int>(terms_.size()) >= most)
     case_.finding.notes.push_back("stopped at " + std::to_string(most) +
                                   " causes; the model may lack more");
   for (const Refusal& r :
-       refused) {  // the last word on each that was not accepted after all
+       selection.refused()) {  // the last word on each that was not accepted after all
     const auto same = [&](const auto& other) {
       return other.effect == r.effect && other.where == r.where;
     };
@@ -210,23 +213,20 @@ void JointDiagnosis::note_limits() {
   }
 }
 
-void JointDiagnosis::follow(Selection& selection, std::vector<Refusal>& refused) {
+void JointDiagnosis::follow(Selection& selection,
+                            const std::function<bool(const FitProgress&)>& progress) {
   LinearFit of_base;
   alone_ = final_base(case_.base, case_.layout, *case_.search, *case_.train, {}, {}, of_base);
   for (;;) {
     beside_ = final_base(case_.base, case_.layout, *case_.search, *case_.train, terms_, {}, fit_);
-    const bool loses = !case_.finding.interrupted &&
-                       simulate(case_.reference->extended(beside_, terms_));
+    const char* why =
+        case_.finding.interrupted ? nullptr : simulate(case_.reference->extended(beside_, terms_));
     // No model has in others what fitted runs have of their own.
     const auto of_runs = [](const Term& t) { return is_of_runs(t.effect); };
-    if (!loses || terms_.empty() || std::ranges::any_of(terms_, of_runs)) return;
-    const auto least =
-        terms_.begin() +
-        static_cast<long>(case_.held_out->shares(*case_.search, terms_).back().first);
-    refused.push_back({least->effect.info().name, least->effect.where,
-                       "with it, a simulation follows held-out motion less well", 0.0});
-    terms_.erase(least);
-    selection.renew(terms_);
+    if (!why || terms_.empty() || std::ranges::any_of(terms_, of_runs)) return;
+    const std::size_t least = case_.held_out->shares(*case_.search, terms_).back().first;
+    case_.finding.simulated = {};
+    selection.resume(terms_, least, why, progress);
   }
 }
 
@@ -370,8 +370,8 @@ void JointDiagnosis::complete() {
   if (grey && !case_.finding.interrupted) simulate(case_.finding.model);
 }
 
-bool JointDiagnosis::simulate(const Model& extended) {
-  if (!case_.finding.simulated.reason.empty()) return false;
+const char* JointDiagnosis::simulate(const Model& extended) {
+  if (!case_.finding.simulated.reason.empty()) return nullptr;
   if (!case_.model.constraints.empty())
     case_.finding.simulated.reason = "windows of closed loops are not simulated";
   for (const Term& t : terms_)
@@ -382,7 +382,7 @@ bool JointDiagnosis::simulate(const Model& extended) {
                                     t.effect.where +
                                     ": model files hold effects of the catalogue alone");
     }
-  if (!case_.finding.simulated.reason.empty()) return false;
+  if (!case_.finding.simulated.reason.empty()) return nullptr;
   const RecordingSource& source = case_.test ? *case_.test_source : case_.train_source;
   const auto go_on = [&] {
     return !case_.options.progress || case_.options.progress({"simulating", 0, 0, 0.0});
@@ -398,7 +398,8 @@ bool JointDiagnosis::simulate(const Model& extended) {
       terms_.empty() && grey_.joints.empty(),
       {plain, terms_.empty() ? plain : motion(terms_)}, source.runs(), go_on);
   case_.finding.simulated = std::move(out.motion);
-  return out.loses;
+  if (!out.unheld.empty()) return "no simulation holds it beside the others";
+  return out.loses ? "with it, a simulation follows held-out motion less well" : nullptr;
 }
 
 void JointDiagnosis::plan_next() {

@@ -24,6 +24,8 @@ constexpr double kSideShows = 1.0;
 constexpr double kWhole = 0.95, kPlainSight = 0.02, kMostlySeen = 0.5;
 /// Beyond, no torque constant is off.
 constexpr double kMostGainError = 0.5;
+/// Beyond, an encoder's scale is another gear's or encoder's: no robot would reach what it aims at.
+constexpr double kMostScaleError = 0.25;
 /// Beyond, a spring pulls alike wherever the joint is, and is an offset: five turns of a joint, or
 /// what no slide is long [rad, m].
 constexpr double kMostRest = 30.0;
@@ -208,7 +210,10 @@ Term refined(const Search& search, Term term, const std::vector<Term>& terms) {
 bool impossible(const Term& term) {
   for (std::size_t k = 0; k < term.effect.parameter_info.size(); ++k) {
     const std::string& name = term.effect.parameter_info[k].name;
-    const double most = name == "gain_error" ? kMostGainError : name == "rest" ? kMostRest : kInfinity;
+    const double most = name == "gain_error"    ? kMostGainError
+                        : name == "scale_error" ? kMostScaleError
+                        : name == "rest"        ? kMostRest
+                                                : kInfinity;
     if (std::abs(term.effect.parameters[k]) > most) return true;
   }
   return false;

@@ -21,38 +21,73 @@ constexpr const char* kInexact = "explains no more than what the model computes 
 
 std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& progress) {
   std::vector<Term> terms;
+  go_on(terms, progress);
+  for (std::vector<Term> other = terms; judge(other); other = terms) {
+    go_on(other, progress);
+    for (Term& t : terms) search_.set_columns(t);
+    const double worse =
+        search_.bic(search_.gain_of(other), other) - search_.bic(search_.fit(terms), terms);
+    if (!(change(terms, other).log_low - worse > options_.accept)) {
+      renew(terms);
+      break;
+    }
+    terms = std::move(other);
+  }
+  return terms;
+}
+
+void Selection::resume(std::vector<Term>& terms, std::size_t without, const char* why,
+                       const std::function<bool(const FitProgress&)>& progress) {
+  const int fallen = terms[without].candidate;
+  note_refusal(candidates_[static_cast<std::size_t>(fallen)], why, 0.0);
+  fallen_.push_back(fallen);
+  terms = diffnea::without(terms, without);
+  go_on(terms, progress);
+}
+
+void Selection::go_on(std::vector<Term>& terms,
+                      const std::function<bool(const FitProgress&)>& progress) {
   do {
     grow(terms, progress);
     for (int i = 0; i < options_.max_terms; ++i)
       if (!put_simpler(terms)) break;
     drop_impossible(terms);
-  } while (drop_needless(terms));  // beside what is left, another may help now
-  drop_unstable(terms);
-  return terms;
+  } while (drop_needless(terms) || (drop_unstable(terms) && !terms.empty()));
 }
 
 void Selection::grow(std::vector<Term>& terms,
                      const std::function<bool(const FitProgress&)>& progress) {
   std::set<std::set<int>> seen;
+  if (!terms.empty()) settle(terms);  // beside what fell, another stood for it
   for (int step = 0;
        step < 3 * options_.max_terms && static_cast<int>(terms.size()) < options_.max_terms;
        ++step) {
     if (progress && !progress({"testing", step, 0, search_.residual_sum() / 2.0})) break;
     if (!add_one(terms)) break;
-    renew(terms);
-    eliminate(terms);
-    for (int i = 0; i < options_.max_terms && (split(terms) || sharpen(terms) || exchange(terms));
-         ++i)
-      renew(terms);
-    eliminate(terms);
+    settle(terms);
     if (drop_impossible(terms)) continue;  // beside what is left, another may help now
     if (!seen.insert(names(terms)).second) break;
   }
   if (!terms.empty()) renew(terms);
 }
 
+void Selection::settle(std::vector<Term>& terms) {
+  renew(terms);
+  eliminate(terms);
+  for (int i = 0; i < options_.max_terms && (split(terms) || sharpen(terms) || exchange(terms));
+       ++i)
+    renew(terms);
+  eliminate(terms);
+}
+
+Wanted Selection::standing(const Wanted& also) const {
+  return [this, also](int candidate) {
+    return std::ranges::find(fallen_, candidate) == fallen_.end() && (!also || also(candidate));
+  };
+}
+
 bool Selection::add_one(std::vector<Term>& terms) {
-  for (Offer& offer : offers(terms, kRefined)) {
+  for (Offer& offer : offers(terms, kRefined, standing())) {
     if (offer.delta_bic <= options_.accept) continue;  // a parent that went first; its child may
     if (std::ranges::find(refused_candidates_, offer.term.candidate) != refused_candidates_.end())
       continue;

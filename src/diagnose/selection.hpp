@@ -29,11 +29,12 @@ class Selection {
 
   /// @param progress  returns false: stop with what there is
   std::vector<Term> run(const std::function<bool(const FitProgress&)>& progress);
+  /// Goes on without one of the terms, which does not stand again.
+  void resume(std::vector<Term>& terms, std::size_t without, const char* why,
+              const std::function<bool(const FitProgress&)>& progress);
   /// Evidence, rivals and gain of each accepted term.
   std::vector<Cause> causes(const std::vector<Term>& terms) const;
   const std::vector<Refusal>& refused() const { return refused_; }
-  /// Model, columns and noise that go with the terms.
-  void renew(std::vector<Term>& terms);
 
  private:
   struct Offer {
@@ -49,9 +50,19 @@ class Selection {
                             const Wanted& wanted = {}) const;
   /// The same of all candidates, remembered until the base moves.
   const std::vector<Offer>& rivals(const std::vector<Term>& terms) const;
+  /// Grows, simplifies and drops until nothing falls any more: what is left when one falls stood
+  /// beside it, and may not be what stands alone.
+  void go_on(std::vector<Term>& terms, const std::function<bool(const FitProgress&)>& progress);
   /// Adds causes while one is found that helps, and improves what is there.
   void grow(std::vector<Term>& terms, const std::function<bool(const FitProgress&)>& progress);
   bool add_one(std::vector<Term>& terms);
+  /// Moves one for another until none is better, with the model, columns and noise that go with
+  /// them.
+  void settle(std::vector<Term>& terms);
+  /// Model, columns and noise that go with the terms.
+  void renew(std::vector<Term>& terms);
+  /// Candidates that have not fallen, of those that are wanted.
+  Wanted standing(const Wanted& also = {}) const;
   bool eliminate(std::vector<Term>& terms) const;
   bool is_impossible(int candidate) const {
     return std::ranges::find(impossible_, candidate) != impossible_.end();
@@ -64,6 +75,15 @@ class Selection {
   /// Effects of one parameter at the joints of a term in its place, if they do better: as well,
   /// where it is compound; by ΔBIC > accept where it has one parameter itself.
   bool split(std::vector<Term>& terms) const;
+  /// One of the terms for another, or for two of one parameter at its joints, where all rows have
+  /// more evidence for that: BIC of the fitted ones, and the likelihood of those held out, as
+  /// either predicts them (prequential, Dawid 1984). ΔBIC > accept; what goes does not stand again.
+  /// Asked where the cause would be unknown else.
+  bool judge(std::vector<Term>& terms);
+  /// Effects of one parameter at joints of a term, other than it.
+  Wanted parts_of(const Term& whole) const;
+  /// The best two of them beside the rest, with the rest.
+  std::vector<std::vector<Term>> pairs_for(const Term& whole, const std::vector<Term>& rest) const;
   /// One effect in the place of two at its joints, if it is no worse: one cause is simpler.
   bool merge(std::vector<Term>& terms) const;
   /// A simpler effect in a term's place, if the term can be that effect and is not clearly better,
@@ -74,9 +94,9 @@ class Selection {
   /// Drops what does not help on data that no fit has seen, or may be nothing, the least first.
   /// @return whether another may stand where one stood
   bool drop_needless(std::vector<Term>& terms);
-  /// Drops causes that, together with what may stand for them, most halves of the recording do not
-  /// choose.
-  void drop_unstable(std::vector<Term>& terms);
+  /// Drops the cause that, together with what may stand for it, is chosen on the fewest halves of
+  /// the recording, where that is not most. @return whether there is one
+  bool drop_unstable(std::vector<Term>& terms);
   /// What `with` is worth on held-out data beside `without`, each of them fitted.
   HeldOutChange change(std::vector<Term> without, std::vector<Term> with) const;
   /// Tells whether that is certain.
@@ -96,6 +116,7 @@ class Selection {
   std::vector<Refusal> refused_;
   std::vector<int> refused_candidates_;
   std::vector<int> impossible_;   ///< candidates
+  std::vector<int> fallen_;  ///< candidates that others stand without; they may still be rivals
   mutable std::map<int, Term> refined_;  ///< shapes and parameters, where they were last
   /// By candidates and parameters of the terms beside them.
   mutable std::map<std::vector<double>, std::vector<Offer>> rivals_;

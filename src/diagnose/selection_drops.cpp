@@ -63,10 +63,8 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
                                                               : kHelpsNot;
     if (!why) continue;
     note_refusal(c, why, why == kHelpsNot ? 0.0 : worse);
-    if (why == kMayBeNothing) {
-      impossible_.push_back(terms[i].candidate);
-      anew = true;
-    }
+    (why == kMayBeNothing ? impossible_ : fallen_).push_back(terms[i].candidate);
+    anew |= why == kMayBeNothing;
     terms = rest;
     search_.fit(terms);
     i = terms.size();  // the others, beside what is left
@@ -74,47 +72,46 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
   return anew;
 }
 
-void Selection::drop_unstable(std::vector<Term>& terms) {
-  while (!terms.empty()) {
-    std::vector<Term> contenders = terms;
-    for (std::size_t i = 0; i < terms.size(); ++i) {
-      if (stays(terms[i])) continue;
-      for (const Offer& offer : rivals(without(terms, i)))
-        if (std::ranges::find(contenders, offer.term.candidate, &Term::candidate) ==
-            contenders.end())
-          contenders.push_back(offer.term);
-    }
-    // Whoever offered it: a spring that came in the place of a rotor may do an offset's work.
-    std::vector<std::vector<int>> stand_for(terms.size());  // contenders, by index
-    for (std::size_t i = 0; i < terms.size(); ++i) {
-      stand_for[i].push_back(static_cast<int>(i));
-      const std::vector<Term> rest = without(terms, i);
-      for (std::size_t c = terms.size(); c < contenders.size(); ++c)
-        if (search_.replaced_share(terms[i], contenders[c], rest) > kStandsIn)
-          stand_for[i].push_back(static_cast<int>(c));
-    }
-    const std::vector<HalfChoice> halves =
-        choose_on_halves(search_, contenders, options_.accept, options_.seed);
-    if (halves.empty()) return;
-    chosen_.clear();
-    for (std::size_t c = 0; c < contenders.size(); ++c)
-      chosen_[contenders[c].candidate] =
-          share_of(halves, static_cast<int>(c), {static_cast<int>(c)});
-    std::size_t drop = terms.size();
-    double least = kMostHalves;
-    for (std::size_t i = 0; i < terms.size(); ++i)
-      if (const double share = share_of(halves, static_cast<int>(i), stand_for[i]);
-          !stays(terms[i]) && share < least)
-        least = share, drop = i;
-    if (drop == terms.size()) return;
-    const Candidate& c = candidates_[static_cast<std::size_t>(terms[drop].candidate)];
-    const std::vector<Term> rest = without(terms, drop);
-    note_refusal(
-        c, "chosen on too few halves of the recording",
-        search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms));
-    terms = rest;
-    search_.fit(terms);
+bool Selection::drop_unstable(std::vector<Term>& terms) {
+  if (terms.empty()) return false;
+  std::vector<Term> contenders = terms;
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (stays(terms[i])) continue;
+    for (const Offer& offer : rivals(without(terms, i)))
+      if (std::ranges::find(contenders, offer.term.candidate, &Term::candidate) == contenders.end())
+        contenders.push_back(offer.term);
   }
+  // Whoever offered it: a spring that came in the place of a rotor may do an offset's work.
+  std::vector<std::vector<int>> stand_for(terms.size());  // contenders, by index
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    stand_for[i].push_back(static_cast<int>(i));
+    const std::vector<Term> rest = without(terms, i);
+    for (std::size_t c = terms.size(); c < contenders.size(); ++c)
+      if (search_.replaced_share(terms[i], contenders[c], rest) > kStandsIn)
+        stand_for[i].push_back(static_cast<int>(c));
+  }
+  const std::vector<HalfChoice> halves =
+      choose_on_halves(search_, contenders, options_.accept, options_.seed);
+  if (halves.empty()) return false;
+  chosen_.clear();
+  for (std::size_t c = 0; c < contenders.size(); ++c)
+    chosen_[contenders[c].candidate] = share_of(halves, static_cast<int>(c), {static_cast<int>(c)});
+  std::size_t drop = terms.size();
+  double least = kMostHalves;
+  for (std::size_t i = 0; i < terms.size(); ++i)
+    if (const double share = share_of(halves, static_cast<int>(i), stand_for[i]);
+        !stays(terms[i]) && share < least)
+      least = share, drop = i;
+  if (drop == terms.size()) return false;
+  const Candidate& c = candidates_[static_cast<std::size_t>(terms[drop].candidate)];
+  const std::vector<Term> rest = without(terms, drop);
+  note_refusal(
+      c, "chosen on too few halves of the recording",
+      search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms));
+  fallen_.push_back(terms[drop].candidate);
+  terms = rest;
+  search_.fit(terms);
+  return true;
 }
 
 }  // namespace diffnea

@@ -3,17 +3,24 @@
 
 #include <algorithm>
 
+#include <diffnea/diagnose/verdict.hpp>
+
 #include "diagnose/cause_sizes.hpp"
+#include "diagnose/gain.hpp"
 #include "diagnose/inexact.hpp"
 #include "diagnose/refine.hpp"
 #include "diagnose/selection.hpp"
 #include "diagnose/selection_terms.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
 
 constexpr int kInPlaceOfTwo = 3;  ///< candidates that are refined instead of two causes
 constexpr int kMostParts = 4;     ///< simple effects in the place of a compound one
+constexpr int kJudged = 3;        ///< pairs in a term's place that are asked of held-out data
+constexpr const char* kPredictsWorse =
+    "held-out data are predicted worse with it than with what stands in its place";
 /// Promise of a shape's derivative, over the gain that it needs, from which it is refined.
 constexpr double kPromise = 0.5;
 
@@ -51,7 +58,7 @@ bool Selection::exchange(std::vector<Term>& terms) const {
     if (stays(terms[i])) continue;
     std::vector<Term> rest = without(terms, i);
     const double base = search_.bic(search_.gain_of(rest), rest);
-    for (const Offer& offer : offers(rest, 3)) {
+    for (const Offer& offer : offers(rest, 3, standing())) {
       if (offer.term.candidate == terms[i].candidate || base - offer.delta_bic > now - 1.0)
         continue;
       // Parents and children: the child must be better by more than the class's width.
@@ -79,7 +86,7 @@ bool Selection::merge(std::vector<Term>& terms) const {
       const auto at_its_joints = [&](int c) {
         return candidates_[static_cast<std::size_t>(c)].effect.joints == terms[i].effect.joints;
       };
-      for (const Offer& offer : offers(rest, kInPlaceOfTwo, at_its_joints)) {
+      for (const Offer& offer : offers(rest, kInPlaceOfTwo, standing(at_its_joints))) {
         std::vector<Term> with = rest;
         with.push_back(offer.term);
         if (search_.bic(search_.fit(with), with) > now + kNoWorse && !sharpen(with)) continue;
@@ -110,7 +117,7 @@ bool Selection::simplify(std::vector<Term>& terms) const {
         return std::ranges::find(c.effect.joints, j) != c.effect.joints.end();
       });
     };
-    for (const Offer& offer : offers(rest, kRivals, simpler)) {
+    for (const Offer& offer : offers(rest, kRivals, standing(simpler))) {
       const bool tells_size =
           has_size(of(offer.term), offer.term) && !has_size(of(terms[i]), terms[i]);
       if (complexity(offer.term) >= complexity(terms[i]) ||
@@ -162,22 +169,94 @@ bool Selection::sharpen(std::vector<Term>& terms) const {
   return false;
 }
 
+Wanted Selection::parts_of(const Term& whole) const {
+  return standing([this, own = whole.candidate, joints = whole.effect.joints](int candidate) {
+    const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+    return !is_impossible(candidate) && c.effect.info().place == Place::kJoint &&
+           c.linear.size() == 1 && c.shapes.empty() && !c.nonlinear && candidate != own &&
+           std::ranges::all_of(c.effect.joints,
+                               [&](int j) { return std::ranges::find(joints, j) != joints.end(); });
+  });
+}
+
+std::vector<std::vector<Term>> Selection::pairs_for(const Term& whole,
+                                                    const std::vector<Term>& rest) const {
+  std::vector<std::pair<double, std::vector<Term>>> found;  // with their BIC
+  const Wanted part = parts_of(whole);
+  std::set<std::set<int>> seen;
+  for (const Score& first : search_.scores(rest, part)) {
+    if (first.variant < 0 || names(rest).contains(first.candidate)) continue;
+    std::vector<Term> with = rest;
+    with.push_back(offered(first, with));
+    search_.fit(with);
+    const std::vector<Score> scores = search_.scores(with, part);
+    const auto second = std::ranges::find_if(scores, [&](const Score& s) {
+      return s.variant >= 0 && s.delta_bic > options_.accept && !names(with).contains(s.candidate);
+    });
+    if (second == scores.end()) continue;
+    with.push_back(offered(*second, with));
+    if (!seen.insert(names(with)).second) continue;
+    const double bic = search_.bic(search_.fit(with), with);
+    if (plausible(search_, with.back()) && plausible(search_, with[with.size() - 2]))
+      found.emplace_back(bic, std::move(with));
+  }
+  std::ranges::sort(found, {}, [](const auto& pair) { return pair.first; });
+  std::vector<std::vector<Term>> out;
+  for (auto& [bic, with] : found)
+    if (std::ssize(out) < kJudged) out.push_back(std::move(with));
+  return out;
+}
+
+bool Selection::judge(std::vector<Term>& terms) {
+  if (terms.empty()) return false;
+  if (const HeldOutChange all = change({}, terms);
+      all.after < kFarOff * kFarOff || gain_of(all, 1.0).explained_share >= kExplained)
+    return false;
+  const double now = search_.bic(search_.gain_of(terms), terms);
+  double most = options_.accept;
+  std::vector<Term> best;
+  std::vector<std::pair<int, double>> beside_best;  // candidates and their evidence
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (stays(terms[i])) continue;
+    const std::vector<Term> rest = without(terms, i);
+    std::vector<std::pair<int, double>> alone{{terms[i].candidate, 0.0}};
+    bool is_best = false;
+    std::vector<std::vector<Term>> others = pairs_for(terms[i], rest);
+    for (const Offer& offer : rivals(rest)) {
+      if (!standing()(offer.term.candidate) || offer.term.candidate == terms[i].candidate) continue;
+      others.push_back(rest);
+      others.back().push_back(offer.term);
+    }
+    for (std::vector<Term>& with : others) {
+      const double worse = search_.bic(search_.fit(with), with) - now;
+      const double more = change(terms, with).log_low - worse;
+      if (with.size() == terms.size()) alone.emplace_back(with.back().candidate, more);
+      if (std::vector<Term> left = with; !(more > most) || eliminate(left)) continue;
+      most = more;
+      best = std::move(with);
+      is_best = true;
+    }
+    if (is_best) beside_best = std::move(alone);
+  }
+  if (best.empty()) return false;
+  const std::set<int> stand = names(best);
+  for (const auto& [candidate, evidence] : beside_best) {
+    if (stand.contains(candidate) || evidence > most - options_.accept) continue;
+    note_refusal(candidates_[static_cast<std::size_t>(candidate)], kPredictsWorse, 0.0);
+    fallen_.push_back(candidate);
+  }
+  terms = std::move(best);
+  return true;
+}
+
 bool Selection::split(std::vector<Term>& terms) const {
   for (std::size_t i = 0; i < terms.size(); ++i) {
     if (stays(terms[i])) continue;
     const bool compound = terms[i].num_parameters() > 1;
     const double now = search_.bic(search_.gain_of(terms), terms);
-    const std::vector<int>& joints = terms[i].effect.joints;
     std::vector<Term> with = without(terms, i);
     double best = search_.bic(search_.gain_of(with), with);
-    const auto part = [&](int candidate) {
-      const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
-      return !is_impossible(candidate) && c.effect.info().place == Place::kJoint &&
-             c.linear.size() == 1 && c.shapes.empty() && !c.nonlinear &&
-             candidate != terms[i].candidate && std::ranges::all_of(c.effect.joints, [&](int j) {
-               return std::ranges::find(joints, j) != joints.end();
-             });
-    };
+    const Wanted part = parts_of(terms[i]);
     for (int parts = 0; parts < kMostParts; ++parts) {
       const std::vector<Score> scores = search_.scores(with, part);
       const auto next = std::ranges::find_if(scores, [&](const Score& s) {

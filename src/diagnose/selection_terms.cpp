@@ -21,15 +21,28 @@ std::set<int> names(const std::vector<Term>& terms) {
 
 bool stays(const Term& term) { return term.effect.info().has(Trait::kGravity); }
 
-bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
-  const std::vector<int>& joints = terms.back().effect.joints;
+namespace {
+
+/// Tells whether a term shifts the torques of all drives.
+bool shifts_all(const Search& search, const Term& term) {
+  const std::vector<int>& joints = term.effect.joints;
   const std::vector<int>& all = search.evidence().joints();
   for (std::size_t k = 0; k < all.size(); ++k)
     if (!search.evidence().passive(static_cast<long>(k)) &&
         std::ranges::find(joints, all[k]) == joints.end())
       return false;
-  return Search::shift(terms.back()) != 0.0 &&
-         std::ranges::all_of(joints, [&](int j) { return search.samples_and_holds(j, terms); });
+  return Search::shift(term) != 0.0;
+}
+
+}  // namespace
+
+bool is_no_shift(const Search& search, const std::vector<Term>& terms) {
+  const Term& last = terms.back();
+  if (!shifts_all(search, last)) return false;
+  const auto shifts = [&](const Term& t) { return shifts_all(search, t); };
+  return std::any_of(terms.begin(), terms.end() - 1, shifts) ||
+         std::ranges::all_of(last.effect.joints,
+                             [&](int j) { return search.samples_and_holds(j, terms); });
 }
 
 bool is_of_swing(const Search& search, const Term& late, const std::vector<Term>& terms) {

@@ -26,8 +26,9 @@ std::set<int> names(const std::vector<Term>& terms);
 /// Accepted, a tilt is in the base's columns, too: without it, they would be those of no model.
 bool stays(const Term& term);
 
-/// Tells whether a clock that the last of the terms shifts, or a torque that it makes late, is with
-/// all that shifts it where a drive that samples and holds its torques may have it.
+/// Tells whether a clock of all joints that the last of the terms shifts, or a torque of all drives
+/// that it makes late, is with all that shifts it where a drive that samples and holds its torques
+/// may have it; or another of the terms shifts them already: a clock and a delay of all are one.
 bool is_no_shift(const Search& search, const std::vector<Term>& terms);
 
 /// Tells whether something is late by less than one of the terms, a spring at its joint, takes to

@@ -1,5 +1,6 @@
 #include "diagnose/sessions.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -30,6 +31,13 @@ double between(const std::vector<Block>& blocks, const std::vector<std::size_t>&
 }
 
 }  // namespace
+
+bool tells_sessions(const Evidence& e) {
+  std::map<int, double> seconds;
+  return std::ranges::any_of(e.series(), [&](const JointSeries& s) {
+    return (seconds[s.run] += static_cast<double>(s.rows()) * s.dt) > kBlockSeconds;
+  });
+}
 
 double sessions_alike(const Evidence& e, const VecX<double>& errors, const std::vector<bool>& used,
                       long joint, std::uint64_t seed) {

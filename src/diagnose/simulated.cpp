@@ -373,6 +373,10 @@ HeldOutSimulation simulate_held_out(const Model& base, const Model& extended, bo
   try {
     out = Both(base, extended, alike, motion, runs, go_on).run();
   } catch (const Error& e) {
+    if (!alike) {  // is it what the extended model has more?
+      out = simulate_held_out(base, base, true, motion, runs, go_on);
+      if (out.motion.reason.empty()) out.unheld = e.what();
+    }
     out.motion.reason = e.what();
   }
   return out;

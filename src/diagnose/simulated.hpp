@@ -20,6 +20,8 @@ struct HeldOutSimulation {
   SimulatedMotion motion;
   /// At no horizon is the extended model better, and at one it is worse for certain.
   bool loses = false;
+  /// Why no simulation holds what the extended model has more than the base; empty: one does.
+  std::string unheld;
 };
 
 /// Simulates windows of growing length from estimated first states, until both models fall apart.

@@ -36,14 +36,18 @@ constexpr double kShortestPeriod = 1e-6;
 // cut-off where lower.
 constexpr double kPass = 0.35, kStop = 0.65, kPassOfCutoff = 0.5, kStopOfCutoff = 0.95;
 /// The grid's period: mean of the intervals within half of their median, which is the median to the
-/// accuracy that time was written with, and its true value where it was rounded.
+/// accuracy that time was written with, and its true value where it was rounded. A row that lacks a
+/// value is as good as none: where torques are logged less often than positions, theirs count.
 double choose_period(const std::vector<Recording>& recordings, bool measured_velocity,
                      double& jitter) {
   std::vector<double> steps;
   for (const Recording& r : recordings)
-    for (long i = 1; i < r.rows() && static_cast<long>(steps.size()) < kPlanRows; ++i)
-      if (!detail::is_gap(r, i, measured_velocity) && !detail::is_gap(r, i - 1, measured_velocity))
-        steps.push_back(r.time[i] - r.time[i - 1]);
+    for (long i = 0, before = -1; i < r.rows() && static_cast<long>(steps.size()) < kPlanRows;
+         ++i) {
+      if (detail::is_gap(r, i, measured_velocity)) continue;
+      if (before >= 0) steps.push_back(r.time[i] - r.time[before]);
+      before = i;
+    }
   if (steps.empty())
     throw DataError(recordings.front().source + ": " + detail::why_no_rows(recordings, 2) +
                     ", so there is nothing to differentiate");

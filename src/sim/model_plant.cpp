@@ -18,6 +18,12 @@ std::optional<LoopMotion> loop_of(const Model* model) {
   return LoopMotion("simulate", *model);
 }
 
+/// Tells whether an effect reads the torque that a joint transmits, and no acceleration: behind a
+/// hidden motor that is its gear's, which the state tells.
+bool reads_load(const BoundEffect& e) {
+  return e.info().has(Trait::kFollowsLoad) || e.info().has(Trait::kGain);
+}
+
 }  // namespace
 
 /// After a step of `h` seconds at constant velocity.
@@ -85,7 +91,7 @@ ExtendedTree ModelPlant::take_apart(ExtendedTree model) {
   for (const BoundEffect& whole : model.effects)
     for (const BoundEffect& e : parts_at_motors(whole, shares)) {
       const double share = share_at_motors(e, shares);
-      if (share > 0.0 && reads_acceleration(e))
+      if (share > 0.0 && reads_acceleration(e) && !reads_load(e))
         throw ModelError(
             "simulate: " + e.info().name + " at '" + e.where +
             "' cannot act at a joint with elasticity or backlash; leave one of them out");
@@ -195,13 +201,15 @@ int ModelPlant::steps_for_friction(const VecX<double>& q) {
   constexpr double kMaxRate = 2.0;  // h·λ, stable to 2.7
   constexpr double kMostSteps = 50.0;
   const VecX<double> rest = VecX<double>::Zero(n_);
+  RneaWorkspace<double, double> ws;
+  const VecX<double> load = gravity_torques<double, double>(dynamics_.model().tree, q, ws);
   VecX<double> qd = rest, plus(n_), minus(n_), sum = rest, motor = rest;
   for (int j = 0; j < n_; ++j) {
     const auto at = [&](double speed, VecX<double>& qdd) {
       qd[j] = speed;
       dynamics_.acceleration(q.data(), qd.data(), rest.data(), run_, qdd.data());
       motor.setZero();
-      const JointSample<double> x{time_, run_, q.data(), qd.data(), q.data(), q.data()};
+      const JointSample<double> x{time_, run_, q.data(), qd.data(), q.data(), load.data()};
       for (const BoundEffect& e : motor_effects_)
         add_torque(e, x, e.parameters.data(), motor.data());
       for (const Motor& m : motors_)
@@ -308,10 +316,13 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
   dz.setZero(z.size());
   dz.head(n_) = z.segment(n_, n_);
   VecX<double> q = z.head(n_), qd = z.segment(n_, n_);
+  VecX<double> load = VecX<double>::Zero(n_);  // torque that gears transmit
   for (int k = 0; k < m; ++k) {  // where the motors are
-    const int j = motors_[static_cast<std::size_t>(k)].joint;
+    const Motor& motor = motors_[static_cast<std::size_t>(k)];
+    const int j = motor.joint;
     q[j] = z[2 * n_ + k];
     qd[j] = z[2 * n_ + m + k];
+    load[j] = transmitted(*motor.effect, q[j] - z[j], qd[j] - z[n_ + j]);
   }
   VecX<double> at_motors = VecX<double>::Zero(n_), at_links = at_motors;  // torque of effects
   for (const JointState& b : states_) {
@@ -319,7 +330,7 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
     (b.motor < 0 ? at_links : at_motors)[b.joint] +=
         b.torque(b.advanced(z[at] - start_[at], h), z[velocity_of(b)]);
   }
-  const JointSample<double> x{time_ + h, run_, q.data(), qd.data(), q.data(), q.data()};
+  const JointSample<double> x{time_ + h, run_, q.data(), qd.data(), q.data(), load.data()};
   for (const BoundEffect& e : motor_effects_)
     add_torque(e, x, e.parameters.data(), at_motors.data());
   if (commands_) {
@@ -340,21 +351,16 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
   }
   const VecX<double> torque = drives_.applied(share) - at_motors;
 
-  VecX<double> transmitted = torque;
-  for (int k = 0; k < m; ++k) {
-    const Motor& motor = motors_[static_cast<std::size_t>(k)];
-    const int j = motor.joint;
-    transmitted[j] = diffnea::transmitted(*motor.effect, q[j] - z[j], qd[j] - z[n_ + j]);
-  }
-  at_links = transmitted - at_links;
+  at_links = torque - at_links;
+  for (const Motor& motor : motors_)
+    at_links[motor.joint] += load[motor.joint] - torque[motor.joint];
   dynamics_.set_time(time_ + h);
   dynamics_.acceleration(z.data(), z.data() + n_, at_links.data(), run_, dz.data() + n_);
   for (int k = 0; k < m; ++k) {
     const Motor& motor = motors_[static_cast<std::size_t>(k)];
     const int j = motor.joint;
     dz[2 * n_ + k] = qd[j];
-    dz[2 * n_ + m + k] =
-        (torque[j] - transmitted[j] - motor.shared_armature * dz[n_ + j]) / motor.inertia;
+    dz[2 * n_ + m + k] = (torque[j] - load[j] - motor.shared_armature * dz[n_ + j]) / motor.inertia;
   }
 }
 

@@ -46,6 +46,46 @@ TEST_CASE("recorded data: a pendulum that swings freely has dry friction and dra
   CHECK(finding.joints[0].extended < 0.5 * finding.joints[0].base);
 }
 
+TEST_CASE("recorded data: half the swing tells which friction a pendulum has", "[data][diagnose]") {
+  ReadOptions options;
+  options.info.passive = {"pendulum"};
+  const Recording all =
+      read_recordings(data_folder() / "pendulum_free_swing" / "free_swing.csv", options).at(0);
+  const Finding finding = diagnose(read_model(DIFFNEA_SOURCE_DIR "/models/pendulum.json"),
+                                   {between(all, 8.0, 43.7)}, {between(all, 62.0, 115.0)});
+  CAPTURE(finding.sentence);
+  CHECK(finding.verdict != Verdict::kUnknown);
+  CHECK(names(finding, {"coulomb_friction"}));
+  CHECK(names(finding, {"quadratic_friction"}));
+  CHECK(finding.causes.size() == 2);
+  CHECK(finding.gain.after < 1.2);
+}
+
+TEST_CASE("recorded data: a pendulum logged at 20 Hz has a friction, and no cause of another kind",
+          "[data][diagnose]") {
+  ReadOptions options;
+  options.info.passive = {"pendulum"};
+  const Recording all =
+      read_recordings(data_folder() / "pendulum_free_swing" / "free_swing.csv", options).at(0);
+  const Recording swing = between(all, 8.0, 115.0);
+  Recording slow = swing;
+  const auto rows = Eigen::seq(0, swing.rows() - 1, 12);
+  slow.time = swing.time(rows);
+  slow.q = swing.q(rows, Eigen::all);
+  slow.tau = swing.tau(rows, Eigen::all);
+  slow.extra.clear();
+  const Finding finding =
+      diagnose(read_model(DIFFNEA_SOURCE_DIR "/models/pendulum.json"), {slow}, {});
+  CAPTURE(finding.sentence);
+  CHECK(finding.verdict != Verdict::kUnknown);
+  REQUIRE_FALSE(finding.causes.empty());
+  CHECK(names(finding, {"coulomb_friction", "presliding_dahl", "sublinear_friction"}));
+  CHECK(finding.causes[0].share > 0.9);
+  // Nothing of its class does better: what is named is the best of what stands for it.
+  for (const Cause& cause : finding.causes)
+    for (const Rival& rival : cause.members) CHECK(rival.delta_bic > -10.0);
+}
+
 TEST_CASE("recorded data: a torque gain that comes to -67 % beside friction is no drive's",
           "[data][diagnose]") {
   const auto record = [](const char* name) {

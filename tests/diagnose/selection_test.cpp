@@ -14,6 +14,7 @@
 #include <diffnea/sim/record.hpp>
 
 #include "diagnose/selection_terms.hpp"
+#include "motion/free_swing.hpp"
 
 namespace diffnea::selection_test {
 namespace {
@@ -21,7 +22,9 @@ namespace {
 /// White noise of 1 N·m at every joint, and at the elbow friction that is nine times as large in
 /// one direction.
 struct OneSided {
-  explicit OneSided(double viscous)
+  explicit OneSided(double viscous,
+                    const std::vector<std::string>& effects = {"viscous_friction@elbow",
+                                                               "asymmetric_viscous@elbow"})
       : evidence(40.0, false, 1, "armature",
                  [viscous](Recording& r) {
                    const double dt = r.time[1] - r.time[0];
@@ -30,9 +33,7 @@ struct OneSided {
                      r.tau(i, 1) += viscous * (v > 0.0 ? 1.8 : 0.2) * v;
                    }
                  }),
-        candidates(make_candidates(evidence.model, evidence.model,
-                                   {"viscous_friction@elbow", "asymmetric_viscous@elbow"}, {0},
-                                   false)),
+        candidates(make_candidates(evidence.model, evidence.model, effects, {0}, false)),
         prior{VecX<double>::Zero(evidence->base().cols()),
               {},
               1e-3 * MatX<double>::Identity(evidence->base().cols(), evidence->base().cols())} {
@@ -76,6 +77,62 @@ TEST_CASE("Selection: a clear effect is tried though the simpler one that goes f
       CHECK(terms[0].effect.info().name == "asymmetric_viscous");
   }
   CHECK(met);
+}
+
+TEST_CASE("Selection: what falls does not stand again, and what is left stands otherwise",
+          "[diagnose]") {
+  OneSided of(3.0);
+  const HeldOut held_out(*of.evidence, {}, 0);
+  Selection selection(*of.search, of.candidates, held_out, {});
+  const auto stand = [](const std::vector<Term>& terms) {
+    std::vector<std::string> out;
+    for (const Term& t : terms) out.push_back(t.effect.info().name);
+    return out;
+  };
+  std::vector<Term> terms = selection.run({});
+  REQUIRE(stand(terms) == std::vector<std::string>{"asymmetric_viscous"});
+  selection.resume(terms, 0, "because", {});
+  CHECK(stand(terms) == std::vector<std::string>{"viscous_friction"});
+  REQUIRE_FALSE(selection.refused().empty());
+  CHECK(selection.refused().back().effect == "asymmetric_viscous");
+  CHECK(selection.refused().back().reason == "because");
+  // It is still told as what does better.
+  const std::vector<Cause> causes = selection.causes(terms);
+  REQUIRE(causes.size() == 1);
+  std::vector<Rival> all = causes[0].members;
+  all.insert(all.end(), causes[0].rivals.begin(), causes[0].rivals.end());
+  REQUIRE(all.size() == 1);
+  CHECK(all[0].effect == "asymmetric_viscous");
+  CHECK(all[0].delta_bic < 0.0);
+}
+
+TEST_CASE("Selection: held-out motion tells frictions apart that fit the others alike",
+          "[diagnose]") {
+  // In 15 s at ± 0.8 rad dry friction with drag dissipates as a viscous one; at ± 0.35 rad it does
+  // not.
+  test::FreeSwing swing{.coulomb = 3.7e-4, .quadratic = 3.3e-5, .q0 = 0.8};
+  const Recording train = free_swing(swing, test::even_times(0.0, 15.0, 100.0));
+  swing.q0 = 0.35;
+  swing.seed = 2;
+  const Recording late = free_swing(swing, test::even_times(0.0, 50.0, 100.0));
+  const auto left = [](const Finding& f) { return f.gain.after / f.gain.before; };
+  DiagnoseOptions options;
+  options.grey_box = false;
+  options.effects = {"viscous_friction"};
+  const Finding viscous = diagnose(test::swing_model(), {train}, {late}, options);
+  REQUIRE(viscous.verdict == Verdict::kUnknown);
+  options.effects = {};
+  const Finding finding = diagnose(test::swing_model(), {train}, {late}, options);
+  CAPTURE(finding.sentence);
+  CHECK(finding.verdict == Verdict::kClass);
+  REQUIRE_FALSE(finding.causes.empty());
+  CHECK(std::ranges::none_of(finding.causes, [](const Cause& c) {
+    return c.effect == "viscous_friction" || c.effect == "asymmetric_viscous";
+  }));
+  CHECK(left(finding) < 0.3 * left(viscous));
+  const auto refusal = std::ranges::find(finding.refused, "viscous_friction", &Refusal::effect);
+  REQUIRE(refusal != finding.refused.end());
+  CHECK(refusal->reason.starts_with("held-out data are predicted worse"));
 }
 
 TEST_CASE("Selection: a cause's held-out gain is over the others as they fit without it",
@@ -163,6 +220,31 @@ TEST_CASE("Selection: what is late by less than its joint's spring takes to swin
   const double slower = std::sqrt(candidates[0].swings / 100.0);
   CHECK(late(1, 0.9 * slower));
   CHECK_FALSE(late(1, 1.1 * slower));
+}
+
+TEST_CASE("Selection: a clock and a delay of all joints are one, and stand for each other alone",
+          "[diagnose]") {
+  OneSided of(3.0, {"time_shift@all", "actuator_delay@all", "actuator_delay@elbow"});
+  const auto term = [&](const char* effect, std::size_t joints, double seconds) {
+    for (std::size_t k = 0; k < of.candidates.size(); ++k) {
+      const Candidate& c = of.candidates[k];
+      if (c.effect.info().name != effect || c.effect.joints.size() != joints) continue;
+      Term out = term_at(c, static_cast<int>(k), c.grid.front());
+      out.effect.parameters[0] = seconds;
+      of.search->set_columns(out);
+      return out;
+    }
+    FAIL(effect);
+    return Term{};
+  };
+  // Five rows: more than a drive that samples and holds may have.
+  const Term clock = term("time_shift", 2, -0.05), delay = term("actuator_delay", 2, 0.05),
+             one = term("actuator_delay", 1, 0.05);
+  CHECK_FALSE(is_no_shift(*of.search, {clock}));
+  CHECK_FALSE(is_no_shift(*of.search, {delay}));
+  CHECK(is_no_shift(*of.search, {delay, clock}));
+  CHECK(is_no_shift(*of.search, {clock, delay}));
+  CHECK_FALSE(is_no_shift(*of.search, {one, clock}));
 }
 
 }  // namespace diffnea::selection_test

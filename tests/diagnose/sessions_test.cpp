@@ -13,12 +13,13 @@ namespace {
 
 constexpr long kElbow = 1;
 
-/// Four runs of ten seconds.
+/// Runs of ten seconds.
 struct Runs {
-  Runs() : model(read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf")) {
+  explicit Runs(int count = 4, double seconds = 10.0)
+      : model(read_model(DIFFNEA_SOURCE_DIR "/models/double_pendulum.urdf")) {
     std::vector<Recording> recordings;
-    for (int run = 0; run < 4; ++run) {
-      recordings.push_back(test::swinging(model, 10.0, false, 1));
+    for (int run = 0; run < count; ++run) {
+      recordings.push_back(test::swinging(model, seconds, false, 1));
       recordings.back().run = run;
       recordings.back().source += std::to_string(run);
     }
@@ -30,6 +31,7 @@ struct Runs {
     PreprocessOptions preprocess;
     preprocess.filter_hz = 8.0;
     preprocess.decimate_to_hz = 25.0;
+    preprocess.min_segment = 0.0;
     evidence = std::make_unique<Evidence>(model, model, layout, *source,
                                           plan_preprocess(source->sample(), preprocess), 0.0,
                                           IdentifyOptions{});
@@ -61,6 +63,14 @@ struct Runs {
 TEST_CASE("sessions: runs that differ do so beyond chance", "[diagnose]") {
   const Runs runs;
   CHECK(sessions_alike(*runs.evidence, runs.errors(1.0, 1), runs.all(), kElbow, 0) == 0.0);
+}
+
+TEST_CASE("sessions: runs of one block tell no offset of their own, whatever they have",
+          "[diagnose]") {
+  const Runs longer(4, 1.5), shorter(12, 0.8);
+  CHECK(tells_sessions(*longer.evidence));
+  CHECK_FALSE(tells_sessions(*shorter.evidence));
+  CHECK(sessions_alike(*shorter.evidence, shorter.errors(1.0, 1), shorter.all(), kElbow, 0) == 1.0);
 }
 
 TEST_CASE("sessions: an error that hangs together is no offset of a run", "[diagnose]") {

@@ -226,6 +226,26 @@ TEST_CASE("diagnose: a simulation that runs away ends the ladder, its error is t
   CHECK(motion.base_follows < 1.0);
 }
 
+TEST_CASE("diagnose: what no simulation holds beside the base is told from a base that none holds",
+          "[diagnose]") {
+  const FreeSwing truth;
+  const HeldOutMotion held = motion_of({free_swing(truth, even_times(0.0, 20.0, 100.0))});
+  const Model base = swing_with(0.0);
+  Model both = base;
+  const EffectSpec spring{
+      "joint_elasticity", "pendulum", {{"stiffness", 10.0, ""}, {"motor_inertia", 1e-3, ""}}};
+  both.effects.push_back(spring);
+  both.effects.push_back({"backlash", "pendulum", {{"motor_inertia", 1e-3, ""}}});
+  const HeldOutSimulation out = simulated(base, both, false, held);
+  CHECK_THAT(out.unheld, ContainsSubstring("hidden motor already"));
+  CHECK_THAT(out.motion.reason, ContainsSubstring("hidden motor already"));
+  Model more = both;
+  more.effects.push_back({"viscous_friction", "pendulum", {{"viscous", 1e-4, ""}}});
+  const HeldOutSimulation none = simulated(both, more, false, held);
+  CHECK(none.unheld.empty());
+  CHECK_THAT(none.motion.reason, ContainsSubstring("hidden motor already"));
+}
+
 TEST_CASE("diagnose: effects without derivatives are replayed, on any clock, from the same states",
           "[diagnose]") {
   Rng rng(3);

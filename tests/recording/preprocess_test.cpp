@@ -182,6 +182,27 @@ TEST_CASE("preprocess: gaps cut into segments, short ones are bridged", "[record
   CHECK(p.tau.col(0).allFinite());
 }
 
+TEST_CASE("preprocess: torques that are logged less often than positions set the rate",
+          "[recording]") {
+  const double w = 2.0 * kPi * 0.5, dt = 0.001;
+  const auto path = [&](double t) { return std::sin(w * t); };
+  const Recording fast = sampled(uniform_times(20'000, dt), path);
+  Recording slow = fast;
+  for (long i = 0; i < slow.rows(); ++i)
+    if (i % 10 != 3) slow.tau(i, 0) = kNaN;
+  const PreprocessPlan plan = plan_preprocess({slow}, {.filter_hz = 8.0});
+  CHECK_THAT(plan.dt, WithinAbs(10.0 * dt, 1e-12));
+  const Preprocessed p = preprocess(slow, plan);
+  CHECK(p.rows() == 2000);
+  for (long k = 200; k < p.rows() - 200; ++k) {
+    REQUIRE_THAT(p.q(k, 0), WithinAbs(path(p.time[k]), 1e-6));
+    REQUIRE_THAT(p.tau(k, 0), WithinAbs(path(p.time[k]), 1e-9));
+  }
+  // A pause of the torque stays one.
+  slow.tau.middleRows(8000, 2000).setConstant(kNaN);
+  CHECK(preprocess(slow, plan_preprocess({slow}, {.filter_hz = 8.0})).segment.back() == 1);
+}
+
 TEST_CASE("preprocess: jitter costs what a cubic through the neighbours leaves", "[recording]") {
   const double w = 2.0 * kPi * 1.0, dt = 0.01;
   const Recording r =

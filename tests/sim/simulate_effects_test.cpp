@@ -197,6 +197,42 @@ TEST_CASE("record: bristles on the link's side of a spring bend with the link an
   CHECK(without > 10.0 * kUnexplained);
 }
 
+TEST_CASE("record: what a motor behind a spring has of its load is of what the spring transmits",
+          "[sim]") {
+  const EffectSpec of_load =
+      GENERATE(EffectSpec{"torque_gain", "joint2", {{"gain_error", 0.2, ""}}},
+               EffectSpec{"load_friction", "joint2", {{"mu", 0.15, ""}, {"smoothing", 0.2, ""}}});
+  CAPTURE(of_load.effect);
+  const EffectSpec elastic{
+      "joint_elasticity",
+      "joint2",
+      {{"stiffness", 2000.0, ""}, {"damping", 5.0, ""}, {"motor_inertia", 0.2, ""}}};
+  const Model nominal = wam();
+  Model robot = nominal;
+  robot.effects.push_back(of_load);
+  robot.effects.push_back(elastic);
+  const SimulatedRecording r = recorded(robot, nominal, 6.0, quiet());
+  REQUIRE(r.failure.empty());
+  JointSeries x = series_of(r.recording);
+  const ExtendedTree base = extend(nominal);
+  predict(base, x);
+  const BoundEffect spring = bind(elastic, nominal);
+  const RowMatX<double> without =
+      x.logged - x.total - series_torque(spring, base, x, spring.parameters.data());
+  // The motor turns as fast as the link, but for how fast the spring winds up.
+  const double wind_up = 1.0 / 2000.0;
+  RowMatX<double> left = without;
+  for (long k = 1; k + 1 < x.rows(); ++k) {
+    const double load = x.tau(k, 1),
+                 speed = x.qd(k, 1) + wind_up * (x.tau(k + 1, 1) - x.tau(k - 1, 1)) / (2 * x.dt);
+    left(k, 1) -= of_load.effect == "torque_gain" ? 0.2 * load
+                                                  : 0.15 * std::abs(load) * std::tanh(speed / 0.2);
+  }
+  CAPTURE(rms(without), rms(left));
+  CHECK(rms(without) > 0.5);  // [N·m]: there is something to explain
+  CHECK(rms(left) < 0.02 * rms(without));
+}
+
 TEST_CASE("record: a rotor in a gap flies as series_torque says", "[sim]") {
   Model nominal = wam();
   nominal.effects.erase(nominal.effects.begin() +
@@ -349,8 +385,9 @@ TEST_CASE("record: effects that cannot act together are refused, an unstable one
   CHECK_THROWS_WITH(record({elastic, {"backlash", "joint2", {{"motor_inertia", 0.1, ""}}}}),
                     ContainsSubstring("hidden motor already"));
   CHECK_THROWS_WITH(
-      record({elastic, {"load_friction", "joint2", {{"mu", 0.1, ""}}}}),
-      ContainsSubstring("load_friction at 'joint2' cannot act at a joint with elasticity"));
+      record({elastic, {"transmission_coupling", "joint2,joint3", {{"armature", 0.1, ""}}}}),
+      ContainsSubstring("transmission_coupling at 'joint2,joint3' cannot act at a joint with "
+                        "elasticity"));
   const SimulatedRecording stiff = record(
       {{"joint_elasticity", "joint2", {{"stiffness", 1e12, ""}, {"motor_inertia", 1e-6, ""}}}});
   CHECK_THAT(stiff.failure, ContainsSubstring("unstable"));
