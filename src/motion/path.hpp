@@ -145,9 +145,9 @@ class MotionPath {
   static constexpr double kStops = 1.0;
   /// Parts of a row: beyond, a simulation blows up within them.
   static constexpr double kMostParts = 1e9;
-  /// Steps within a part, which is too short for the motion to turn twenty times: a reversal takes
-  /// some fifty, by kTurns from the fastest speed of a joint to where its friction is sharp and
-  /// back. A run with more of them chatters, and counts as one that blows up.
+  /// Steps within a part, which is too short for the motion to turn fifty times: a reversal takes
+  /// some twenty, from the fastest speed of a joint to where its friction is sharp and back. A run
+  /// with more of them chatters, and counts as one that blows up.
   static constexpr long kMostSteps = 1000;
   /// Explicit step over the row's that is not worth its time.
   static constexpr double kFinest = 1.0 / 16.0;
