@@ -43,19 +43,23 @@ def commands(seconds: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 def write_log(file: Path, arm: diffnea.Model, seconds: int, seed: int, cable: float) -> None:
     """Commands, and positions in encoder steps: dry friction that holds, drives 20 ms late."""
     t, cmd = commands(seconds, seed)
-    q, v, rows = cmd[0].copy(), np.zeros(3), []
+    q, v, hold, rows = cmd[0].copy(), np.zeros(3), np.zeros(3), []
     spring = np.array([0.0, cable, 0.0])
     for k in range(len(t)):
         rows.append(np.hstack([t[k], cmd[k], np.round(q / STEP) * STEP]))
         told = cmd[max(k - 2, 0)]
         for _ in range(round(1 / RATE / DT)):
-            drive = np.clip(GAIN * (told - q), -LIMIT, LIMIT) - DAMPING * v - OFFSET - spring * q
-            inertia = diffnea.mass_matrix(arm, q=q) + np.diag(ROTOR)
-            push = drive - diffnea.rnea(arm, q=q, qd=v, qdd=np.zeros(3))
-            free = v + DT * np.linalg.solve(inertia, push)
-            stop = DT * DRY / np.diag(inertia)
-            v = np.sign(free) * np.maximum(np.abs(free) - stop, 0)
-            q = q + DT * v
+            middle = q + DT / 2 * v
+            drive = np.clip(GAIN * (told - middle), -LIMIT, LIMIT) - DAMPING * v - OFFSET
+            push = drive - spring * middle - diffnea.rnea(arm, q=q, qd=v, qdd=np.zeros(3))
+            mass = diffnea.mass_matrix(arm, q=q) + np.diag(ROTOR + DT / 2 * DAMPING)
+            before, mobility = v, np.linalg.inv(mass)
+            free = v + DT * mobility @ push
+            for _ in range(8):  # Coulomb: what stops a joint, within what friction has
+                v = free - DT * mobility @ hold
+                hold = np.clip(hold + 0.5 * v / np.diag(mobility) / DT, -DRY, DRY)
+            v = free - DT * mobility @ hold
+            q = q + DT / 2 * (before + v)
     head = ["time", *(f"qcmd_{j}" for j in arm.joint_names), *(f"q_{j}" for j in arm.joint_names)]
     np.savetxt(file, rows, "%.5f", ",", header=",".join(head), comments="")
 
