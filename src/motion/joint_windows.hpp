@@ -11,10 +11,10 @@ namespace diffnea {
 /// what is handed on.
 class JointWindows : public WindowSimulator {
  public:
-  JointWindows(ExtendedTree model, std::vector<BoundEffect> effects,
+  JointWindows(ExtendedTree model, const std::vector<BoundEffect>& effects,
                const std::vector<MotionParameter>& parameters, const SteppingOptions& options)
-      : JointWindows(std::vector<ModelOfRuns>{{{}, std::move(model)}}, std::move(effects),
-                     parameters, options) {}
+      : JointWindows(std::vector<ModelOfRuns>{{{}, std::move(model)}}, effects, parameters,
+                     options) {}
   /// @param models   at these parameters, one at least, of as many joints
   /// @param effects  with these values; those that `parameters` name
   /// @throws ModelError if an effect has no forward form, or a parameter no derivative

@@ -265,6 +265,69 @@ TEST_CASE("sensitivities: delay and reach of a servo that saturates, by central 
 }
 
 TEST_CASE(
+    "limbs: a servo beside another moves as it does alone, and a window's parts are the window",
+    "[motion]") {
+  const auto servo = [](double scale) {
+    Model model = servo_that_saturates();
+    model.effects[0].parameters[0].value *= scale;
+    model.effects.push_back({"integral_action", "pendulum", {{"rate", 2.0 * scale, ""}}});
+    model.effects.push_back({"coulomb_friction", "pendulum", {{"coulomb", 0.02, ""}}});
+    return model;
+  };
+  const Model one = servo(1.0), other = servo(0.5);
+  Model two = one;
+  two.links.push_back(other.links.back());
+  two.links.back().name += "2";
+  two.links.back().joint += "2";
+  for (EffectSpec spec : other.effects) {
+    spec.where += "2";
+    two.effects.push_back(spec);
+  }
+  const auto alone = [](MotionStretch s, double speed) {
+    for (long k = 0; k < s.q.rows(); ++k)
+      s.q(k, 0) = std::sin(speed * s.time[static_cast<std::size_t>(k)]);
+    return s;
+  };
+  const std::vector<double> a{0.7, -0.6, 0.4, -0.9}, b{-0.3, 0.2, 0.8, 0.1};
+  const MotionStretch first = alone(stepped(a, 100.0), 3.0), second = alone(stepped(b, 100.0), 5.0);
+  MotionStretch both = first;
+  const long n = static_cast<long>(both.time.size());
+  both.q.conservativeResize(n, 2);
+  both.q.col(1) = second.q.col(0);
+  both.u = both.u_end = RowMatX<double>::Zero(n, 2);
+  RowMatX<double> command(n, 2);
+  for (long k = 0; k < n; ++k)
+    for (const int j : {0, 1})
+      command(k, j) = (j == 0 ? first : second)
+                          .command->at(0, both.time[static_cast<std::size_t>(k)] + 1e-9, 0.0);
+  both.command = std::make_shared<const CommandPath>(both.time, command, VecX<double>::Ones(2));
+  MotionWindow w{0, 30, 60, VecX<double>(4)}, w1{0, 30, 60, VecX<double>(2)}, w2 = w1;
+  w.state << 0.2, -0.1, -0.3, 0.4;
+  w1.state << 0.2, -0.3;
+  w2.state << -0.1, 0.4;
+  const std::vector<MotionParameter> free{{.effect = 4, .index = 0}, {.effect = 0, .index = 0}};
+  JointWindows pair(extend(two), bound(two), free, {}), left(extend(one), {}, {}, {}),
+      right(extend(other), {}, {}, {});
+  const RowMatX<double> q = pair.positions(both, w);
+  CHECK(q.col(0) == left.positions(first, w1).col(0));
+  CHECK(q.col(1) == right.positions(second, w2).col(0));
+  const VecX<double> sigma{{0.1, 0.2}};
+  CHECK(pair.cost(both, w, sigma) ==
+        Approx(left.cost(first, w1, sigma.head(1)) + right.cost(second, w2, sigma.tail(1))));
+  TriangularFactor whole(6), together(6);
+  REQUIRE(pair.linearise(both, w, sigma, whole));
+  std::vector<TriangularFactor> parts(7, TriangularFactor(6));
+  REQUIRE(pair.linearise(both, w, sigma, parts));
+  for (const TriangularFactor& part : parts) {
+    CHECK(part.residual_sum_of_squares() < whole.residual_sum_of_squares());
+    together.add(part);
+  }
+  CHECK(
+      (together.R().transpose() * together.R()).isApprox(whole.R().transpose() * whole.R(), 1e-10));
+  CHECK(together.residual_sum_of_squares() == Approx(whole.residual_sum_of_squares()));
+}
+
+TEST_CASE(
     "path: a servo that saturates where its window begins moves as in a log ten times as fast",
     "[motion]") {
   Model model = servo_that_saturates();
