@@ -120,14 +120,21 @@ std::string base_table(const IdentifyResult& fit) {
          html_table({"combination", "value"}, rows, {"wrap", "n"}) + "</details>\n";
 }
 
-/// Error over the length of the simulated windows: how long the simulation follows the robot.
+/// Error over the length of the simulated windows: how long the simulation follows the robot. Of
+/// one length the table of errors says it all, unless windows fall apart.
 std::string horizon_section(const IdentifyResult& fit) {
-  if (fit.horizons.empty()) return "";
   const bool held_out = has_test(fit);
+  const bool grows = std::ranges::any_of(fit.horizons, [&](const HorizonError& e) {
+    return e.horizon != fit.horizons.front().horizon;
+  });
+  if (!grows && std::ranges::all_of(fit.horizons, [&](const HorizonError& e) {
+        return (held_out ? e.test_apart : e.apart) == 0;
+      }))
+    return "";
   std::vector<std::string> joints;
   std::vector<std::vector<std::string>> rows;
   for (const HorizonError& e : fit.horizons) {
-    if (std::ranges::find(joints, e.joint) == joints.end()) joints.push_back(e.joint);
+    if (grows && std::ranges::find(joints, e.joint) == joints.end()) joints.push_back(e.joint);
     const int windows = held_out ? e.test_windows : e.windows;
     const int apart = held_out ? e.test_apart : e.apart;
     rows.push_back({number(e.horizon, 3), escape(e.joint), escape(unit(e.unit)),

@@ -118,15 +118,55 @@ std::string torque_sentence(const IdentifyResult& fit) {
               : ".");
 }
 
+/// "0.1–0.3" of several numbers, "0.1" where all are alike to the digits shown.
+std::string range_text(const std::vector<double>& values) {
+  const auto [low, high] = std::ranges::minmax(values);
+  const std::string from = number(low, 3), to = number(high, 3);
+  return from == to ? from : from + "–" + to;
+}
+
 std::string position_sentence(const IdentifyResult& fit) {
+  constexpr std::size_t kNamed = 3;  // joints that a sentence names one by one
+  struct Group {
+    std::string unit;
+    bool rises;
+    std::vector<const JointError*> joints;
+  };
+  std::vector<Group> groups;  // joints of one unit that fall, or rise
+  std::size_t told = 0;
+  for (const JointError& e : fit.errors) {
+    if (!std::isfinite(after(fit, e)) || is_ball(e)) continue;
+    ++told;
+    const bool rises = after(fit, e) > before(fit, e);
+    const auto same = std::ranges::find_if(
+        groups, [&](const Group& g) { return g.unit == e.unit && g.rises == rises; });
+    if (same != groups.end())
+      same->joints.push_back(&e);
+    else
+      groups.push_back({e.unit, rises, {&e}});
+  }
   std::string out;
-  for (const JointError& e : fit.errors)
-    if (std::isfinite(after(fit, e)) && !is_ball(e))
-      out += (out.empty()
-                  ? "error of positions simulated for " + number(fit.summary.horizon, 3) + " s "
-                  : std::string(", ")) +
-             from_to(number(before(fit, e), 3), number(after(fit, e), 3),
-                     after(fit, e) > before(fit, e), " " + e.unit + " (" + e.joint + ")");
+  const auto say = [&](const std::string& words) {
+    out +=
+        (out.empty() ? "error of positions simulated for " + number(fit.summary.horizon, 3) + " s "
+                     : std::string(", ")) +
+        words;
+  };
+  for (const Group& g : groups) {
+    std::vector<double> first, last;
+    for (const JointError* e : g.joints) {
+      first.push_back(before(fit, *e));
+      last.push_back(after(fit, *e));
+    }
+    const bool known = std::ranges::all_of(first, [](double x) { return std::isfinite(x); });
+    if (known && g.joints.size() > kNamed)
+      say(from_to(range_text(first), range_text(last), g.rises, " " + g.unit) + " (" +
+          (g.joints.size() == told ? "all " : "") + std::to_string(g.joints.size()) + " joints)");
+    else
+      for (std::size_t k = 0; k < g.joints.size(); ++k)
+        say(from_to(number(first[k], 3), number(last[k], 3), g.rises,
+                    " " + g.unit + " (" + g.joints[k]->joint + ")"));
+  }
   return out.empty() ? out : out + ".";
 }
 

@@ -340,6 +340,37 @@ TEST_CASE("report: the headline says falls, rises, stays, and what cannot be com
              ContainsSubstring("is 0.25 m (slide) (that of the model before cannot"));
 }
 
+TEST_CASE("report: the headline of many joints says between which errors they are", "[report]") {
+  FitRun run = some_run();
+  run.fit.errors.clear();
+  const auto add = [&](const std::string& joint, double before, double after) {
+    run.fit.errors.push_back({joint, "rad", kNaN, after, before, kNaN, kNaN, kNaN, kNaN});
+  };
+  for (const double k : {1.0, 2.0, 4.0, 3.0}) add("j" + std::to_string(k), 0.1 * k, 0.01 * k);
+  CHECK_THAT(identify_headline(run),
+             ContainsSubstring("falls from 0.1–0.4 to 0.01–0.04 rad (all 4 joints)."));
+  add("wrist", 0.1, 0.2);
+  CHECK_THAT(identify_headline(run),
+             ContainsSubstring("to 0.01–0.04 rad (4 joints), rises from 0.1 to 0.2 rad (wrist)."));
+}
+
+TEST_CASE("report: one length of windows is no curve", "[report]") {
+  FitRun run = some_run();
+  const auto has = [&] {
+    return identify_page(run).find("Error over horizon") != std::string::npos;
+  };
+  HorizonError e;
+  e.joint = "slide";
+  e.horizon = 1.0;
+  run.fit.horizons = {e};
+  CHECK_FALSE(has());
+  run.fit.horizons[0].apart = run.fit.horizons[0].test_apart = 1;
+  CHECK(has());
+  run.fit.horizons = {e, e};
+  run.fit.horizons[1].horizon = 2.0;
+  CHECK(has());
+}
+
 TEST_CASE("report: a warning stands on top of the page, once", "[report]") {
   FitRun run = some_run();
   run.fit.notes = {std::string(kWarning) + "the elbow is in degrees", "nothing much"};
