@@ -204,7 +204,7 @@ HeldOutChange BallSearch::held_out(const BallSolution& a, const BallSolution& b,
     }
     return out;
   };
-  return change_over_blocks(errors(a), errors(b), static_cast<double>(count(test_)), seed);
+  return change_over({errors(a), errors(b), static_cast<double>(count(test_))}, seed);
 }
 
 bool BallSearch::is_far_from_linear(const EffectSpec& e) const {

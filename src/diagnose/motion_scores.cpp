@@ -58,18 +58,21 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
 }
 
 std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
-                                                  const std::vector<EffectSpec>& candidates) const {
+                                                  const std::vector<EffectSpec>& candidates) {
+  constexpr int kBrief = 4;  // steps by which the base takes back what it had bent by
   std::vector<WindowScore> out;
   // Beside effects that read accelerations a simulation takes other steps.
   std::vector<std::vector<Variant>> explicit_passes, implicit_passes;
   const double together = correlation(at);
+  std::optional<MotionSolution> brief;
   for (const Candidate& c : candidates_) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(at.terms, spec) || !holds_effect(candidates, spec)) continue;
     if (clashes(at.model, c.effect)) continue;
     if (hides_motor(c.effect) || c.effect.info().has(Trait::kOfServo)) {
       if (progress_ && !progress_("testing", 0)) return {};
-      if (std::optional<WindowScore> of = score_by_steps(at, c.effect, together))
+      if (!brief) brief = stepped(at, at.terms, brief_, kBrief);
+      if (std::optional<WindowScore> of = score_by_steps(at, *brief, c.effect, together))
         out.push_back(std::move(*of));
       continue;
     }
@@ -92,50 +95,61 @@ std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
   return out;
 }
 
+MotionSolution MotionSearch::stepped(MotionSolution from, const std::vector<EffectSpec>& terms,
+                                     const std::vector<MotionWindow>& windows, int steps) const {
+  MotionSolution out = std::move(from);
+  const FitLayout before = std::move(out.layout);
+  for (const EffectSpec& t : terms)
+    if (!holds_effect(out.model.effects, t)) out.model.effects.push_back(t);
+  out.windows = windows;
+  out.layout = layout_of(out.model, terms, out.held);
+  for (FitParameter& p : out.layout.linear) {
+    const auto known = std::ranges::find(before.linear, p.name, &FitParameter::name);
+    if (known != before.linear.end()) p.fixed = known->fixed;
+  }
+  VecX<double> shape(static_cast<long>(out.layout.shape.size()));
+  for (std::size_t s = 0; s < out.layout.shape.size(); ++s)
+    shape[static_cast<long>(s)] = out.layout.shape[s].prior;
+  MotionProblem of = problem(out.model, out.layout);
+  of.scale = VecX<double>::Ones(static_cast<long>(out.layout.linear.size()));
+  MotionOptions few = data_.options;
+  few.max_iterations = steps;
+  MotionFitter fitter(of, few, out.layout.prior(), shape);
+  fitter.fit(out.windows, data_.options.tolerance);
+  out.fit = fitter.now();
+  out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
+  out.model = apply_fit(out.model, out.layout, out.fit.x, out.fit.shape);
+  return out;
+}
+
 std::optional<WindowScore> MotionSearch::score_by_steps(const MotionSolution& at,
+                                                        const MotionSolution& brief,
                                                         const BoundEffect& effect,
-                                                        double correlation) const {
+                                                        double correlation) {
+  constexpr int kFirst = 2;  // steps in brief windows, by which sizes compete
   constexpr int kSteps = 4;  // steps that lead away from where the base has bent to
-  const auto tried = [&](const MotionSolution& from, const EffectSpec& spec, int steps) {
-    MotionSolution out = from;
-    if (!holds_effect(out.model.effects, spec)) out.model.effects.push_back(spec);
-    out.layout = layout_of(out.model, with_effect(at.terms, spec), at.held);
-    for (FitParameter& p : out.layout.linear) {
-      const auto known = std::ranges::find(at.layout.linear, p.name, &FitParameter::name);
-      if (known != at.layout.linear.end()) p.fixed = known->fixed;
-    }
-    VecX<double> shape(static_cast<long>(out.layout.shape.size()));
-    for (std::size_t s = 0; s < out.layout.shape.size(); ++s)
-      shape[static_cast<long>(s)] = out.layout.shape[s].prior;
-    MotionProblem of = problem(out.model, out.layout);
-    of.scale = VecX<double>::Ones(static_cast<long>(out.layout.linear.size()));
-    MotionOptions few = data_.options;
-    few.max_iterations = steps;
-    MotionFitter fitter(of, few, out.layout.prior(), shape);
-    fitter.fit(out.windows, data_.options.tolerance);
-    out.fit = fitter.now();
-    out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
-    out.model = apply_fit(out.model, out.layout, out.fit.x, out.fit.shape);
-    return out;
-  };
   std::vector<MotionSolution> begun;  // the best of each side
   const std::vector<std::vector<EffectSpec>> offers =
-      hides_motor(effect) ? gear_offers(effect, at.layout, at.fit.x, at.fit.shape, data_.data)
-                          : std::vector<std::vector<EffectSpec>>{offers_of_law(effect)};
+      hides_motor(effect)
+          ? gear_offers(effect, brief.layout, brief.fit.x, brief.fit.shape, data_.data)
+          : std::vector<std::vector<EffectSpec>>{offers_of_law(effect)};
   for (const std::vector<EffectSpec>& side : offers) {
     std::optional<MotionSolution> first;
     for (const EffectSpec& spec : side)
-      if (MotionSolution s = tried(at, spec, 1); !first || s.cost < first->cost)
+      if (MotionSolution s = stepped(brief, with_effect(at.terms, spec), brief.windows, kFirst);
+          !first || s.cost < first->cost)
         first = std::move(s);
     if (first) begun.push_back(std::move(*first));
   }
   const EffectSpec spec{effect.info().name, effect.where, {}};
   const MotionSolution* best = nullptr;
   for (MotionSolution& s : begun) {
-    if (s.cost < kInfinity) s = tried(s, spec, kSteps);
+    if (s.cost < kInfinity)
+      s = stepped(std::move(s), with_effect(at.terms, spec), at.windows, kSteps);
     if (s.cost < kInfinity && (!best || s.cost < best->cost)) best = &s;
   }
   if (!best) return {};
+  known(with_effect(at.terms, spec), best->held).begun = *best;
   const double lm = std::max(at.cost - best->cost, 0.0),
                sides = static_cast<double>(offers.size() - 1),
                parameters = sides + count_free(best->layout) - count_free(at.layout);

@@ -100,6 +100,8 @@ MotionSearch::MotionSearch(Model base, const MotionSearchData& data,
     windows_ = std::move(kept);
   }
   samples_ = count(data.data.train, windows_);
+  brief_ = some_pieces(data.data.train, windows_, kTrialOfGears);
+  set_measured_states(data.data.train, first, brief_);
 }
 
 FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSpec>& terms,
@@ -189,7 +191,9 @@ MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
     of.scored.clear();
     of.scores.clear();
   };
-  take(solved(with_terms(from), terms, to_beat));
+  // With a score its drive has moved, too.
+  take(solved(of.begun ? std::move(*of.begun) : with_terms(from), terms, to_beat));
+  of.begun.reset();
   if (start)
     for (const EffectSpec& t : terms)
       if (!holds_effect(start->terms, t))
@@ -305,16 +309,15 @@ std::vector<RowMatX<double>> MotionSearch::held_out_errors(const MotionSolution&
   return errors(at, held_, held_windows_, true);
 }
 
-HeldOutChange MotionSearch::held_out(const MotionSolution& a, const MotionSolution& b,
-                                     std::uint64_t seed) const {
+HeldOutBlocks MotionSearch::held_out_blocks(const MotionSolution& a,
+                                            const MotionSolution& b) const {
   const std::vector<RowMatX<double>> of_a = held_out_errors(a), of_b = held_out_errors(b);
   // Beyond all of a joint's motion, or blown up, an error counts as that motion.
   const VecX<double> most = motion_size(held_).cwiseQuotient(data_.data.noise.position);
   const auto square = [](double error, double limit) {
     return std::isfinite(error) ? std::min(error * error, limit * limit) : limit * limit;
   };
-  std::vector<double> before, after;
-  double n = 0.0;
+  HeldOutBlocks out;
   for (std::size_t i = 0; i < of_a.size(); ++i) {
     const MotionWindow& w = held_windows_[i];
     const MotionStretch& s = held_[w.stretch];
@@ -322,19 +325,24 @@ HeldOutChange MotionSearch::held_out(const MotionSolution& a, const MotionSoluti
     for (long k = 0; k < w.rows; ++k) {
       const double t = s.time[static_cast<std::size_t>(w.first + k)];
       if (t >= ends) {
-        before.push_back(0.0);
-        after.push_back(0.0);
+        out.before.push_back(0.0);
+        out.after.push_back(0.0);
         ends = t + kBlockSeconds;
       }
       for (long j = 0; j < of_a[i].cols(); ++j) {
         if (std::isnan(s.q(w.first + k, j))) continue;
-        before.back() += square(of_a[i](k, j), most[j]);
-        after.back() += square(of_b[i](k, j), most[j]);
-        n += 1.0;
+        out.before.back() += square(of_a[i](k, j), most[j]);
+        out.after.back() += square(of_b[i](k, j), most[j]);
+        out.n += 1.0;
       }
     }
   }
-  return change_over_blocks(before, after, std::max(n, 1.0), seed);
+  return out;
+}
+
+HeldOutChange MotionSearch::held_out(const MotionSolution& a, const MotionSolution& b,
+                                     std::uint64_t seed) const {
+  return change_over(held_out_blocks(a, b), seed);
 }
 
 double MotionSearch::share_of_motion(double lm) const {

@@ -70,6 +70,7 @@ class MotionSearch {
   std::vector<WindowScore> scores(const MotionSolution& at,
                                   const std::vector<EffectSpec>& candidates);
   double delta_bic(const MotionSolution& a, const MotionSolution& b) const;
+  HeldOutBlocks held_out_blocks(const MotionSolution& a, const MotionSolution& b) const;
   HeldOutChange held_out(const MotionSolution& a, const MotionSolution& b,
                          std::uint64_t seed) const;
   /// Tells nothing: candidates are scored at all points of their grids.
@@ -110,6 +111,7 @@ class MotionSearch {
       double within_reach;  ///< cost below which they might not have come, had they gone on
     };
     std::optional<MotionSolution> best;
+    std::optional<MotionSolution> begun;  ///< where a score has come to, and no fit has begun
     std::vector<Run> runs;
     std::vector<EffectSpec> scored;  ///< candidates beside `best`
     std::vector<WindowScore> scores;
@@ -118,7 +120,7 @@ class MotionSearch {
   /// @param held  as in MotionSolution
   Known& known(const std::vector<EffectSpec>& terms, const std::vector<std::string>& held);
   std::vector<WindowScore> new_scores(const MotionSolution& at,
-                                      const std::vector<EffectSpec>& candidates) const;
+                                      const std::vector<EffectSpec>& candidates);
   MotionSolution solved(MotionSolution from, const std::vector<EffectSpec>& terms,
                         double to_beat = kInfinity) const;
   /// The solution with all that a joint's drive does times a factor; not fitted.
@@ -130,8 +132,12 @@ class MotionSearch {
   MotionProblem problem(const Model& model, const FitLayout& layout) const;
   /// Gain of what no torque is linear in, a spring or gap in a gear or a part of a drive's law: at
   /// its offers, what a few steps of a fit reach. None: every simulation with it blows up.
-  std::optional<WindowScore> score_by_steps(const MotionSolution& at, const BoundEffect& effect,
-                                            double correlation) const;
+  /// @param brief  the same terms, fitted to brief_
+  std::optional<WindowScore> score_by_steps(const MotionSolution& at, const MotionSolution& brief,
+                                            const BoundEffect& effect, double correlation);
+  /// A few steps of a fit to windows. What was held stays so.
+  MotionSolution stepped(MotionSolution from, const std::vector<EffectSpec>& terms,
+                         const std::vector<MotionWindow>& windows, int steps) const;
   void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,
              std::vector<WindowScore>& out) const;
   std::vector<RowMatX<double>> errors(const MotionSolution& at,
@@ -144,6 +150,8 @@ class MotionSearch {
   std::function<bool(const std::string&, int)> progress_;
   std::vector<MotionStretch> held_;                    ///< whole, or the blocks that are held out
   std::vector<MotionWindow> windows_, held_windows_;  ///< with measured states
+  /// Pieces of windows_, in which what flies free goes astray before it meets the other flank.
+  std::vector<MotionWindow> brief_;
   long samples_ = 0;
   std::map<std::vector<std::string>, Known> known_;
 };

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/effects/stepping.hpp>
+
 #include "diagnose/cause_sizes.hpp"
 #include "diagnose/inexact.hpp"
 #include "diagnose/refine.hpp"

@@ -29,8 +29,9 @@ double window_delta_bic(double less, double more, double n, double correlation,
   return n / correlation * std::log(less / more) - parameters * std::log(n);
 }
 
-HeldOutChange change_over_blocks(const std::vector<double>& before,
-                                 const std::vector<double>& after, double n, std::uint64_t seed) {
+HeldOutChange change_over(const HeldOutBlocks& blocks, std::uint64_t seed) {
+  const auto& [before, after, numbers] = blocks;
+  const double n = std::max(numbers, 1.0);
   HeldOutChange out;
   for (const double e : before) out.before += e / n;
   for (const double e : after) out.after += e / n;

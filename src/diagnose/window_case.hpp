@@ -35,9 +35,13 @@ std::vector<EffectSpec> without_effect(std::vector<EffectSpec> terms, const Effe
 double window_delta_bic(double less, double more, double n, double correlation,
                         double parameters);
 
-/// From sums of squares of n held-out numbers, by blocks that hang together; bootstrap over these.
-HeldOutChange change_over_blocks(const std::vector<double>& before,
-                                 const std::vector<double>& after, double n, std::uint64_t seed);
+/// Sums of squares of held-out numbers without and with something, by blocks that hang together.
+struct HeldOutBlocks {
+  std::vector<double> before, after;
+  double n = 0.0;  ///< numbers in all
+};
+/// Mean squares and what is certain of their difference, by a bootstrap over the blocks.
+HeldOutChange change_over(const HeldOutBlocks& blocks, std::uint64_t seed);
 
 /// `Search` fits a model with some effects beyond its base to windows. It has a type `Solution`
 /// with `terms`, and

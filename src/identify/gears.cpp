@@ -19,20 +19,9 @@ constexpr double kFlank = 50.0;
 constexpr double kSpringStep = 3.0, kGapStep = 1.6;
 /// Smallest gap over the noise of a position: its two flanks are that far apart for certain.
 constexpr double kGapNoises = 4.0;
-/// Horizon at which sizes compete [s], as beginnings of drives do; windows and steps of each.
-constexpr double kTrial = 1.0;
+/// Windows in which sizes compete, and steps of each.
 constexpr std::size_t kMostWindows = 20;
 constexpr int kSteps = 4;
-
-/// Windows of that horizon, spread over the data.
-std::vector<MotionWindow> some_windows(const MotionData& data, double horizon, double first) {
-  std::vector<MotionWindow> all = cut_windows(data.train, horizon), out;
-  const std::size_t every = (all.size() + kMostWindows - 1) / kMostWindows;
-  for (std::size_t k = 0; k < all.size(); k += std::max<std::size_t>(every, 1))
-    out.push_back(std::move(all[k]));
-  set_measured_states(data.train, first, out);
-  return out;
-}
 
 /// Values of an effect's parameters into the layout and the shapes of a beginning.
 void take_shapes(std::size_t effect, MotionBeginning& of) {
@@ -69,6 +58,15 @@ double drive_reach(const FitLayout& layout, const VecX<double>& shape, int joint
 }
 
 }  // namespace
+
+std::vector<MotionWindow> some_pieces(const std::vector<MotionStretch>& stretches,
+                                      const std::vector<MotionWindow>& windows, double horizon) {
+  std::vector<MotionWindow> all = cut_windows(stretches, horizon, windows), out;
+  const std::size_t every = (all.size() + kMostWindows - 1) / kMostWindows;
+  for (std::size_t k = 0; k < all.size(); k += std::max<std::size_t>(every, 1))
+    out.push_back(std::move(all[k]));
+  return out;
+}
 
 bool has_gears(const FitLayout& layout) { return std::ranges::any_of(layout.effects, hides_motor); }
 
@@ -229,8 +227,9 @@ MotionBeginning beginning_with_gears(const Model& model, const MotionData& data,
   }
   MotionOptions few = options;
   few.max_iterations = kSteps;
-  const std::vector<MotionWindow> windows =
-      some_windows(data, std::min(kTrial, ladder.back()), ladder.front());
+  std::vector<MotionWindow> windows =
+      some_pieces(data.train, cut_windows(data.train, ladder.back()), kTrialOfGears);
+  set_measured_states(data.train, ladder.front(), windows);
   const MotionProblem problem{model,     out.layout,          data.train,
                               data.runs, data.noise.position, out.scale};
   for (std::size_t k = 0; k < searched.size(); ++k) {

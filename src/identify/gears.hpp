@@ -6,6 +6,14 @@
 
 namespace diffnea {
 
+/// Horizon at which sizes of gears compete [s], as beginnings of drives do: in longer windows what
+/// flies free is astray by the time it meets the other flank.
+inline constexpr double kTrialOfGears = 1.0;
+
+/// Pieces of windows, no longer than a horizon, spread over them.
+std::vector<MotionWindow> some_pieces(const std::vector<MotionStretch>& stretches,
+                                      const std::vector<MotionWindow>& windows, double horizon);
+
 /// Tells whether a layout has effects that hide a motor.
 bool has_gears(const FitLayout& layout);
 

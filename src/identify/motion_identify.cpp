@@ -457,8 +457,8 @@ class MotionIdentification {
 
 }  // namespace
 
-IdentifyResult identify_by_motion(const Model& model, const RecordingSource& train,
-                                  const RecordingSource* test, const IdentifyOptions& options) {
+IdentifyResult fit_motion(const Model& model, const RecordingSource& train,
+                          const RecordingSource* test, const IdentifyOptions& options) {
   return MotionIdentification(model, train, test, options).run();
 }
 

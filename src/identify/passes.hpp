@@ -69,5 +69,8 @@ IdentifyResult identify_by_torque(const Model& model, const RecordingSource& tra
                                   const RecordingSource* test, const IdentifyOptions& options);
 IdentifyResult identify_by_motion(const Model& model, const RecordingSource& train,
                                   const RecordingSource* test, const IdentifyOptions& options);
+/// The motion loss of all joints at once, whatever limbs they are of.
+IdentifyResult fit_motion(const Model& model, const RecordingSource& train,
+                          const RecordingSource* test, const IdentifyOptions& options);
 
 }  // namespace diffnea

@@ -136,19 +136,27 @@ std::vector<MotionStretch> motion_stretches(const Recording& recording, const Se
   return out;
 }
 
-std::vector<MotionWindow> cut_windows(const std::vector<MotionStretch>& stretches, double horizon) {
+std::vector<MotionWindow> cut_windows(const std::vector<MotionStretch>& stretches, double horizon,
+                                      const std::vector<MotionWindow>& windows) {
   std::vector<MotionWindow> out;
-  for (std::size_t s = 0; s < stretches.size(); ++s) {
-    const std::vector<double>& t = stretches[s].time;
-    const long m = static_cast<long>(t.size());
-    for (long from = 0; from < m;) {
+  for (const MotionWindow& w : windows) {
+    const std::vector<double>& t = stretches[w.stretch].time;
+    const long last = w.first + w.rows;
+    for (long from = w.first; from < last;) {
       const double end = t[static_cast<std::size_t>(from)] + horizon * (1.0 + 1e-9);
-      const long to = std::upper_bound(t.begin() + from, t.end(), end) - t.begin();
-      if (to - from > 2) out.push_back({s, from, to - from, {}});
+      const long to = std::upper_bound(t.begin() + from, t.begin() + last, end) - t.begin();
+      if (to - from > 2) out.push_back({w.stretch, from, to - from, {}});
       from = to;
     }
   }
   return out;
+}
+
+std::vector<MotionWindow> cut_windows(const std::vector<MotionStretch>& stretches, double horizon) {
+  std::vector<MotionWindow> whole;
+  for (std::size_t s = 0; s < stretches.size(); ++s)
+    whole.push_back({s, 0, static_cast<long>(stretches[s].time.size()), {}});
+  return cut_windows(stretches, horizon, whole);
 }
 
 LocalMotion local_motion(const MotionStretch& stretch, double at, long from, long rows) {

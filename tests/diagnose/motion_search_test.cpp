@@ -2,8 +2,6 @@
 
 #include "diagnose/motion_search.hpp"
 
-#include <cmath>
-
 #include <catch2/catch_test_macros.hpp>
 
 #include "identify/drives.hpp"
@@ -13,44 +11,13 @@
 namespace diffnea::motion_search_test {
 namespace {
 
-/// The arm, as servo_bench() takes it.
-constexpr double kMass = 0.5, kLength = 0.1, kInertia = 0.001;
-
-/// A pendulum on a servo and a spring, by its own equation: counts of 12 bits at 100 Hz.
-Recording record(double seconds) {
-  constexpr double kStiffness = 12.0, kDamping = 0.5, kSpring = 0.6, kRotor = 0.02, kRow = 0.01;
-  constexpr int kFine = 100;  // steps a row
-  constexpr double kStep = 2.0 * M_PI / 4096.0, h = kRow / kFine;
-  const long rows = std::lround(seconds / kRow);
-  Recording r;
-  r.source = "bench";
-  r.joint_names = {"servo"};
-  r.has_tau = {false};
-  r.time.resize(rows);
-  r.q.resize(rows, 1);
-  r.qcmd.resize(rows, 1);
-  r.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
-  double q = 0.0, v = 0.0;
-  for (long k = 0; k < rows; ++k) {
-    const double t = kRow * static_cast<double>(k),
-                 command = 0.6 * std::sin(2.0 * t) * std::min(t, 1.0) + 0.3 * std::sin(7.0 * t);
-    r.time[k] = t;
-    r.q(k, 0) = kStep * std::round(q / kStep);
-    r.qcmd(k, 0) = command;
-    for (int i = 0; i < kFine; ++i) {
-      const double tau = kStiffness * (command - q) - kDamping * v - kSpring * q -
-                         kMass * 9.81 * kLength * std::sin(q);
-      v += h * tau / (kInertia + kMass * kLength * kLength + kRotor);
-      q += h * v;
-    }
-  }
-  return r;
-}
+/// A pendulum on a servo and a spring.
+constexpr test::SprungServo kBench{.spring = 0.6};
 
 /// The bench without its spring, fitted, and what a search works on.
 struct Fitted {
-  Model model = test::servo_bench(kMass, kLength, kInertia);
-  std::unique_ptr<RecordingSource> train = recordings_in_memory(model, {record(6.0)});
+  Model model = test::servo_bench(kBench.mass, kBench.length, kBench.inertia);
+  std::unique_ptr<RecordingSource> train = recordings_in_memory(model, {kBench.record(6.0)});
   MotionSearchData data = prepared();
   int steps = 0;  ///< number in all fits
 

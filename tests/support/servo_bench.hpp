@@ -1,6 +1,8 @@
 #pragma once
 /// The pendulum behind a servo of which no torque is logged, and what a fit says of it.
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -32,6 +34,46 @@ inline Model servo_bench(double mass, double length, double inertia,
   out.effects = std::move(effects);
   return out;
 }
+
+/// What the arm of servo_bench() and its servo are made of.
+struct SprungServo {
+  double mass = 0.5, length = 0.1, inertia = 0.001;  // of the arm, as servo_bench() takes it
+  double stiffness = 12.0, damping = 0.5, rotor = 0.02;
+  double spring = 0.0;  // about the joint, beside the servo [N·m/rad]
+  double rate = 2.0;    // of the slow part of the command [rad/s]
+
+  /// A log by the pendulum's own equation: counts of 12 bits at 100 Hz, no torque.
+  Recording record(double seconds) const {
+    constexpr double kRow = 0.01, kStep = 2.0 * M_PI / 4096.0;
+    constexpr int kFine = 100;  // steps a row
+    const double h = kRow / kFine;
+    const long rows = std::lround(seconds / kRow);
+    Recording r;
+    r.source = "bench";
+    r.joint_names = {"servo"};
+    r.has_tau = {false};
+    r.time.resize(rows);
+    r.q.resize(rows, 1);
+    r.qcmd.resize(rows, 1);
+    r.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
+    double q = 0.0, v = 0.0;
+    for (long k = 0; k < rows; ++k) {
+      const double t = kRow * static_cast<double>(k),
+                   command =
+                       0.6 * std::sin(rate * t) * std::min(t, 1.0) + 0.3 * std::sin(3.5 * rate * t);
+      r.time[k] = t;
+      r.q(k, 0) = kStep * std::round(q / kStep);
+      r.qcmd(k, 0) = command;
+      for (int i = 0; i < kFine; ++i) {
+        const double tau = stiffness * (command - q) - damping * v - spring * q -
+                           mass * 9.81 * length * std::sin(q);
+        v += h * tau / (inertia + mass * length * length + rotor);
+        q += h * v;
+      }
+    }
+    return r;
+  }
+};
 
 /// First parameter of a fit whose name ends so.
 inline const ParameterEstimate& estimate(const IdentifyResult& result, const std::string& end) {

@@ -61,6 +61,9 @@ std::vector<MotionStretch> motion_stretches(const Recording& recording, const Se
 /// `measured_state` over `first_horizon`.
 /// @param horizon  [s]
 std::vector<MotionWindow> cut_windows(const std::vector<MotionStretch>& stretches, double horizon);
+/// The same of windows: their pieces.
+std::vector<MotionWindow> cut_windows(const std::vector<MotionStretch>& stretches, double horizon,
+                                      const std::vector<MotionWindow>& windows);
 
 /// Local motion of a stretch: a cubic in time through the positions (of lower degree where rows are
 /// few).
