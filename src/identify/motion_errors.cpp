@@ -41,6 +41,12 @@ double MotionFitter::correlation(const std::vector<MotionWindow>& windows) const
   return all / std::max(count, 1.0);
 }
 
+/// How far off the model is, in units of what independent noise would leave: that much less the
+/// positions tell of its parameters.
+double MotionFitter::blur(const std::vector<MotionWindow>& windows) const {
+  return std::sqrt(std::max(correlation(windows), 1.0));
+}
+
 void MotionFitter::set_covariance(const std::vector<MotionWindow>& windows) {
   // Blocks of time that are left out in turn, at least: their spread is known to a sixth then.
   constexpr std::size_t kBlocks = 20;
@@ -71,8 +77,8 @@ void MotionFitter::set_covariance(const std::vector<MotionWindow>& windows) {
   for (const ReducedWindow& w : wholes)
     if (w.finite) all.add(w.rows);
   RowMatX<double> prior = RowMatX<double>::Zero(f, f + 1);
-  for (int k = 0; k < f; ++k)
-    prior(k, k) = misfit() / (10.0 * scale_of(free_[static_cast<std::size_t>(k)]));
+  blur_ = blur(windows);
+  for (int k = 0; k < f; ++k) prior(k, k) = weak(free_[static_cast<std::size_t>(k)]);
   all.add(prior);
   const MatX<double> R = all.R(), one = MatX<double>::Identity(f, f);
   const auto over_R = [&](const MatX<double>& of) -> MatX<double> {

@@ -192,6 +192,8 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
   now_.objective = now.sum;
   double damping = 1e-4;
   int stalls = 0;
+  blur_ = blur(windows);
+  double blurred = now.sum;
   now_.converged = false;
   now_.within_reach = 0.0;
   now_.termination = "iteration limit";
@@ -238,6 +240,10 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
     }
     ++now_.iterations;
     now_.objective = now.sum;
+    if (now.sum < 0.5 * blurred) {
+      blur_ = blur(windows);
+      blurred = now.sum;
+    }
     if (progress_ && !progress_(now_.iterations, now.sum)) {
       now_.interrupted = true;
       now_.termination = "interrupted";
@@ -341,6 +347,13 @@ double MotionFitter::misfit() const {
       std::max(2.0 * now_.objective / static_cast<double>(std::max(now_.samples, 1L)), 1.0));
 }
 
+/// Square root of the weak prior's information on a column. A parameter that the data do not tell
+/// stays where the fit began; they tell it no better than the model describes them. Residuals that
+/// hang together tell sizes as few times: such a model may ask for a drive without end.
+double MotionFitter::weak(long column) const {
+  return (column < problem_.scale.size() ? blur_ : misfit()) / (10.0 * scale_of(column));
+}
+
 /// Levenberg–Marquardt step as a convex fit: consistency exact, damping and prior as Gaussians.
 void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
                         VecX<double>& shape) const {
@@ -366,11 +379,8 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
   std::vector<char> is_free(static_cast<std::size_t>(columns), 0);
   for (const int c : free_) {
     is_free[static_cast<std::size_t>(c)] = 1;
-    // A parameter that the data do not tell stays where the fit began; they tell it no better than
-    // the model describes them.
-    const double weak = misfit() / (10.0 * scale_of(c));
-    problem.R(f + c, c) = weak;
-    problem.d[f + c] = weak * coordinate(c, start_, start_shape_);
+    problem.R(f + c, c) = weak(c);
+    problem.d[f + c] = weak(c) * coordinate(c, start_, start_shape_);
   }
   for (long c = 0; c < columns; ++c) {
     const double curvature = now_.R.col(c).squaredNorm() + std::pow(0.1 / scale_of(c), 2);

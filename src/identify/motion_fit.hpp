@@ -95,7 +95,9 @@ class MotionFitter {
                             std::vector<VecX<double>>& to, const std::vector<double>& before) const;
   void step(const VecX<double>& d, double damping, VecX<double>& x, VecX<double>& shape) const;
   double promise(const std::vector<ReducedWindow>& reduced, const VecX<double>& d) const;
+  double blur(const std::vector<MotionWindow>& windows) const;
   double misfit() const;
+  double weak(long column) const;
   double coordinate(long column, const VecX<double>& x, const VecX<double>& shape) const;
   double scale_of(long column) const;
 
@@ -104,6 +106,7 @@ class MotionFitter {
   VecX<double> start_, start_shape_;
   std::function<bool(int, double)> progress_;
   std::vector<int> free_;
+  double blur_ = 1.0;  ///< blur() of the present fit
   MotionFit now_;
 };
 

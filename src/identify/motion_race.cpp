@@ -27,6 +27,9 @@ constexpr double kTrial = 1.0;
 constexpr double kPieces = 5.0, kMorePieces = 20.0;
 /// Scales at which a joint's drive is looked for, over where a fit has found it.
 constexpr double kScales[] = {0.1, 3.0, 10.0, 30.0, 100.0, 1000.0};
+/// And below, while the windows tell no two apart: at most so many times.
+constexpr double kSmaller = 0.3;
+constexpr int kDecades = 12;
 
 /// Stretches that show what drives do at their bounds: of each joint, the one with its largest error
 /// and the one with its fastest command.
@@ -225,10 +228,19 @@ std::optional<MotionBeginning> at_other_scales(const Model& model, const MotionD
         lower = there;
         best = by;
       }
-    if (best == 1.0) continue;
-    out.start = scaled(best);
-    least = lower;
-    moved = true;
+    if (best != 1.0) {
+      out.start = scaled(best);
+      least = lower;
+      moved = true;
+    }
+    // Of scales that windows do not tell apart the smallest: beyond, the links weigh nothing, and
+    // there is no end to them.
+    for (int k = 0; k < kDecades && !(prior > 0.0); ++k) {
+      const VecX<double> smaller = scaled(kSmaller);
+      if (!(misfit(smaller) < least + kVeryStrong)) break;
+      out.start = smaller;
+      moved = true;
+    }
   }
   widen_scales(layout, out.start, out.scale);
   return moved ? std::optional(out) : std::nullopt;
