@@ -34,7 +34,7 @@ using Asked = std::optional<std::vector<std::string>>;
 
 /// Candidates as asked, else all of the catalogue, and parts of the drives' laws.
 std::vector<Candidate> candidates_for(const Model& base, const Asked& asked) {
-  if (asked && asked->empty()) return {};  // of this limb
+  if (asked && asked->empty()) return {};  // none is this limb's
   std::vector<Candidate> out =
       make_candidates(base, base, asked.value_or(std::vector<std::string>{}), {0},
                       /*link_side=*/false);

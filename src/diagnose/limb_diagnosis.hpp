@@ -13,7 +13,7 @@ namespace diffnea {
 /// Joints that drives of the model lead, (n).
 std::vector<bool> led_joints(const Model& model);
 
-/// What a limb lacks, searched first, then described.
+/// Search for what a limb lacks, then its description.
 class LimbDiagnosis {
  public:
   /// @param robot    of the fitted base

@@ -50,7 +50,7 @@ Limbs diagnoses(const IdentifyResult& base, const IdentifyOptions& fit, const Mo
                 const RecordingSource& train, const RecordingSource* test,
                 const DiagnoseOptions& options) {
   FitChoice choice = fit.choice;
-  choice.effects = std::vector<std::string>{};  // those of the base
+  choice.effects = std::vector<std::string>{};  // the base has all
   choice.simulated = true;
   std::vector<std::string> said_already;
   const FitLayout layout = layout_for(base.model, train, test, choice, said_already);
@@ -88,7 +88,7 @@ void append(const std::vector<T>& from, std::vector<T>& to) {
   to.insert(to.end(), from.begin(), from.end());
 }
 
-/// What the limbs lack, as what the robot lacks.
+/// Joins what the limbs lack to what the robot lacks.
 void join(const Limbs& limbs, const DiagnoseOptions& options, Finding& f) {
   HeldOutBlocks held_out;
   double cost = 0.0, samples = 0.0, lm = 0.0;

@@ -106,7 +106,7 @@ Columns columns_of(const Projection& projection, const std::vector<Term>& terms)
 /// of the time. @param torque  whitened, (rows())
 std::vector<Term> beside(const Search& search, std::vector<Term> terms,
                          const VecX<double>& torque) {
-  constexpr int kRounds = 4;  // as for a spring, whose stiffness and rest are factors
+  constexpr int kRounds = 4;  // enough for a spring, whose stiffness and rest are factors
   if (terms.empty()) return terms;
   const bool linear = std::ranges::none_of(terms, &Term::has_offset);
   for (int step = 0; step < (linear ? 1 : kRounds); ++step) {

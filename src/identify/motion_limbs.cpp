@@ -36,7 +36,7 @@ Posterior side_by_side(const Posterior& a, const Posterior& b) {
   return out;
 }
 
-/// What all limbs say is said once; what a joint is named in needs no other name.
+/// Notes of all limbs once; those of one with its name, unless they name a joint of it.
 void add_notes(const std::vector<LimbRobot>& limbs, const std::vector<IdentifyResult>& of,
                std::vector<std::string>& notes) {
   const auto said_by_all = [&](const std::string& note) {

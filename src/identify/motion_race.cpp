@@ -233,7 +233,7 @@ std::optional<MotionBeginning> at_other_scales(const Model& model, const MotionD
       least = lower;
       moved = true;
     }
-    // Of scales that windows do not tell apart the smallest: beyond, the links weigh nothing, and
+    // The smallest of scales that windows do not tell apart: beyond, the links weigh nothing, and
     // there is no end to them.
     for (int k = 0; k < kDecades && !(prior > 0.0); ++k) {
       const VecX<double> smaller = scaled(kSmaller);

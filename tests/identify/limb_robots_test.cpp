@@ -58,7 +58,7 @@ Recording log_of_both() {
 
 TEST_CASE("limbs: a servo beside another is fitted as it is alone", "[identify]") {
   IdentifyOptions options;
-  options.choice.fix = {"left.torque_offset.*"};  // of one limb alone
+  options.choice.fix = {"left.torque_offset.*"};  // a limb has it, the other not
   const IdentifyResult both = identify(robot(), {log_of_both()}, {}, options);
   REQUIRE(both.errors.size() == 2);
   REQUIRE(both.model.posterior);
@@ -130,7 +130,7 @@ TEST_CASE("limbs: what one lacks is named there, with its own size", "[diagnose]
   REQUIRE(one.causes.size() == 1);
   CHECK(both.causes[0].parameters[0].value == one.causes[0].parameters[0].value);
   CHECK(both.causes[0].delta_bic == one.causes[0].delta_bic);
-  // Of both servos' held-out errors, those of the other stay.
+  // Held-out errors of the other servo stay.
   CHECK(both.gain.before < one.gain.before);
   CHECK(both.gain.before > one.gain.before / 2.0);
 

@@ -35,12 +35,12 @@ inline Model servo_bench(double mass, double length, double inertia,
   return out;
 }
 
-/// What the arm of servo_bench() and its servo are made of.
+/// Arm of servo_bench(), its servo, and a spring.
 struct SprungServo {
-  double mass = 0.5, length = 0.1, inertia = 0.001;  // of the arm, as servo_bench() takes it
+  double mass = 0.5, length = 0.1, inertia = 0.001;  // the arm's, as servo_bench() takes it
   double stiffness = 12.0, damping = 0.5, rotor = 0.02;
   double spring = 0.0;  // about the joint, beside the servo [N·m/rad]
-  double rate = 2.0;    // of the slow part of the command [rad/s]
+  double rate = 2.0;    // slow part of the command [rad/s]
 
   /// A log by the pendulum's own equation: counts of 12 bits at 100 Hz, no torque.
   Recording record(double seconds) const {
