@@ -367,6 +367,7 @@ class MotionIdentification {
     s.iterations = fit.iterations;
     s.fitted_rows = fit.samples;
     s.horizon = climb_->reached();
+    if (test_) s.test_horizon = longest(data_.test, test_fitted_.windows);
     result_.notes.push_back(
         std::to_string(fitted.windows.size()) +
         (fitted.windows.size() == 1 ? " window of " : " windows of ") + format_number(climb_->reached()) +
@@ -381,6 +382,16 @@ class MotionIdentification {
             unlike_the_others(fitted.errors, data_.train, fitted.windows, joint_names(model_));
         !text.empty())
       result_.notes.push_back(std::move(text));
+  }
+
+  static double longest(const std::vector<MotionStretch>& stretches,
+                        const std::vector<MotionWindow>& windows) {
+    double out = 0.0;
+    for (const MotionWindow& w : windows) {
+      const auto time = stretches[w.stretch].time.begin() + w.first;
+      out = std::max(out, time[w.rows - 1] - time[0]);
+    }
+    return out;
   }
 
   MatX<double> information() const {

@@ -70,6 +70,7 @@ FitSummary summary_of(const std::vector<LimbRobot>& limbs, const std::vector<Ide
     out.iterations = std::max(out.iterations, s.iterations);
     out.fitted_rows += s.fitted_rows;
     out.horizon = std::min(out.horizon, s.horizon);
+    out.test_horizon = std::min(out.test_horizon, s.test_horizon);
   }
   return out;
 }

@@ -145,12 +145,13 @@ std::string position_sentence(const IdentifyResult& fit) {
     else
       groups.push_back({e.unit, rises, {&e}});
   }
+  const double horizon =
+      std::isfinite(fit.summary.test_horizon) ? fit.summary.test_horizon : fit.summary.horizon;
   std::string out;
   const auto say = [&](const std::string& words) {
-    out +=
-        (out.empty() ? "error of positions simulated for " + number(fit.summary.horizon, 3) + " s "
-                     : std::string(", ")) +
-        words;
+    out += (out.empty() ? "error of positions simulated for " + number(horizon, 3) + " s "
+                        : std::string(", ")) +
+           words;
   };
   for (const Group& g : groups) {
     std::vector<double> first, last;

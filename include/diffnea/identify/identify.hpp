@@ -312,6 +312,7 @@ struct FitSummary {
   double seconds = 0.0;
   double seconds_fitting = 0.0;
   double horizon = std::numeric_limits<double>::quiet_NaN();
+  double test_horizon = std::numeric_limits<double>::quiet_NaN();
 
   template <class List>
   static constexpr void fields(List& list) {
@@ -333,6 +334,9 @@ struct FitSummary {
     list.field("horizon", &FitSummary::horizon,
                "Motion loss: longest windows that the simulation follows; NaN with other losses.",
                {.unit = "s"});
+    list.field("test_horizon", &FitSummary::test_horizon,
+               "The longest of these that held-out recordings have; NaN without.",
+               {.unit = "s", .optional = true});
   }
 };
 
