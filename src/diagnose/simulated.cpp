@@ -33,6 +33,9 @@ constexpr double kCertain = 2.0;
 /// follows for half as long. Less may be the noise of the torques, which moves the wrong model less
 /// if it is the heavier one.
 constexpr double kVisibly = 3.0;
+/// The same of how long it follows. Short windows alone refute nothing: within the tolerance, what
+/// swings unseen when they begin may make an error many times a smaller one.
+constexpr double kShorter = 2.0;
 /// Share of a mean square by which the noise of some hundred rows makes it differ.
 constexpr double kByNoise = 0.05;
 constexpr std::size_t kMostPoints = 3000;  ///< of a joint that are kept
@@ -194,7 +197,8 @@ class Both {
     } else {
       conclude();
     }
-    return {std::move(out_), worse_ && !better_};
+    const bool far_shorter = kShorter * out_.extended_follows < out_.base_follows;
+    return {std::move(out_), worse_ && !better_ && far_shorter};
   }
 
  private:

@@ -176,6 +176,14 @@ TEST_CASE("diagnose: a cause with which a simulation follows less well is told",
   CHECK(simulated(right, wrong, false, motion).loses);
   CHECK_FALSE(simulated(wrong, right, false, motion).loses);
   CHECK_FALSE(simulated(right, right, false, motion).loses);
+  // Four times the error, of a hundredth of the motion: in 8 s both follow all along.
+  const HeldOutMotion brief = motion_of({free_swing(truth, even_times(0.0, 8.0, 100.0))});
+  const HeldOutSimulation within = simulated(right, wrong, false, brief);
+  const auto h = std::ranges::find(within.motion.horizons, 6, &SimulatedHorizon::windows);
+  REQUIRE(h != within.motion.horizons.end());
+  CHECK(h->extended > 4.0 * h->base);
+  CHECK(within.motion.extended_follows == within.motion.base_follows);
+  CHECK_FALSE(within.loses);
   // Half as much again of an error is none to refute by.
   CHECK_FALSE(simulated(right, swing_with(1.05 * truth.coulomb), false, motion).loses);
 }
