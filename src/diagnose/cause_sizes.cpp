@@ -161,6 +161,8 @@ bool has_size(const Candidate& c, const Term& term) {
 }
 
 bool may_be_nothing(const Term& term, const std::vector<CauseParameter>& sizes) {
+  // Its stiffness or gap is its size (has_size): neither its damping nor its rotor makes it none.
+  if (term.effect.info().motor != HiddenMotor::kNone) return false;
   long told = 0, zero = 0;
   for (const int k : term.linear) {
     const CauseParameter& p = sizes[static_cast<std::size_t>(k)];

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "diagnose/signed_fit.hpp"
+#include <diffnea/identify/convex_fit.hpp>
+#include <diffnea/identify/linear_fit.hpp>
+#include <diffnea/model/physical.hpp>
 
 namespace diffnea {
 namespace {
@@ -14,40 +16,79 @@ constexpr double kMostTurn = 1.5, kMostTurnAtSpring = 0.7;
 /// A reference whose torque has moved by less leaves the candidates' columns as they are. A column
 /// that is wrong by a tenth loses a hundredth of its gain, and what is offered has it made anew.
 constexpr double kMoved = 0.1;
-/// Weight of the least change, where the recording tells no other.
-constexpr double kRidge = 1e-9;
+/// Weight of the torque against what is plausible of its parameters: by a ten-thousandth of its
+/// size it may change for that.
+constexpr double kAlike = 1e4;
 
-/// A model can hold no rotor and no friction below 0, the test's base can: what they have there,
-/// the other parameters take over, as far as they predict the same torque. Clipped alone, it would
-/// be missing from the torque that drives are late by: a lag of 40 ms came out 2 to 3 % short.
-VecX<double> within_signs(const FitLayout& layout, const Evidence& evidence,
-                          const VecX<double>& x) {
+/// Tells whether no robot has these parameters: friction or a rotor below 0, or a link that no
+/// distribution of mass can be.
+bool is_impossible(const FitLayout& layout, const VecX<double>& x) {
+  for (std::size_t k = 0; k < layout.linear.size(); ++k) {
+    const FitParameter& p = layout.linear[k];
+    if (!p.fixed && p.sign != Sign::kFree && x[static_cast<long>(k)] < 0.0) return true;
+  }
+  return std::ranges::any_of(layout.bodies(), [&](int first) {
+    Theta<double> theta;
+    for (int k = 0; k < kThetaSize; ++k) theta[k] = x[first + k];
+    return !layout.linear[static_cast<std::size_t>(first)].fixed &&
+           !(smallest_pseudo_inertia_eigenvalue(theta) > 0.0);
+  });
+}
+
+/// Factors of the linear parameters alone: how sharply friction turns has columns of its own, the
+/// last ones.
+std::vector<JointFactor> linear_factors(const FitLayout& layout, const Evidence& evidence) {
+  const int p = static_cast<int>(layout.linear.size());
+  std::vector<JointFactor> out;
+  for (const JointFactor& f : evidence.factors()) {
+    std::vector<int> columns = f.columns;
+    std::erase_if(columns, [p](int c) { return c >= p; });
+    const long n = static_cast<long>(columns.size());
+    const MatX<double> R = f.factor.R();
+    RowMatX<double> rows(R.rows(), n + 1);
+    rows << R.leftCols(n), f.factor.d();
+    out.push_back({std::move(columns), TriangularFactor(static_cast<int>(n))});
+    out.back().factor.add(rows);
+  }
+  return out;
+}
+
+/// The nearest parameters that a robot can have, by the torque that they predict. The test's base
+/// knows no bounds: rotors and links behind them share an inertia that the motion does not part,
+/// and a link behind its spring swings by its own. Friction clipped alone would be missing from the
+/// torque that drives are late by: a lag of 40 ms came out 2 to 3 % short.
+VecX<double> possible(const FitLayout& layout, const Evidence& evidence, const VecX<double>& x) {
+  if (!is_impossible(layout, x)) return x;
   const long p = static_cast<long>(layout.linear.size());
-  std::vector<int> free;
-  std::vector<bool> nonnegative;
-  bool outside = false;
+  ConvexFitProblem problem;
+  const std::vector<JointFactor> factors = linear_factors(layout, evidence);
+  const VecX<double> scale = parameter_scales(layout, factors);
+  problem.start = consistent_start(layout, scale);
+  problem.bodies = layout.bodies();
+  long rows = 0;
+  for (const JointFactor& f : factors) rows += f.factor.R().rows();
+  problem.R = MatX<double>::Zero(rows, p);
+  for (long at = 0; const JointFactor& f : factors) {
+    const MatX<double> R = f.factor.R();
+    const double weight = kAlike / std::max(R.norm(), 1e-300);
+    problem.R.middleRows(at, R.rows())(Eigen::all, f.columns) = weight * R;
+    at += R.rows();
+  }
+  VecX<double> weak = VecX<double>::Zero(p);
   for (long k = 0; k < p; ++k) {
     const FitParameter& parameter = layout.linear[static_cast<std::size_t>(k)];
-    if (parameter.fixed) continue;
-    free.push_back(static_cast<int>(k));
-    nonnegative.push_back(parameter.sign != Sign::kFree);
-    outside = outside || (nonnegative.back() && x[k] < 0.0);
+    if (parameter.fixed) {
+      problem.fixed.push_back(static_cast<int>(k));
+      problem.start[k] = parameter.prior;
+      continue;
+    }
+    if (parameter.sign != Sign::kFree) problem.nonnegative.push_back(static_cast<int>(k));
+    weak[k] = std::pow(10.0 * scale[k], -2);
   }
-  if (!outside) return x;
-  MatX<double> K = MatX<double>::Zero(x.size(), x.size());
-  for (const JointFactor& f : evidence.factors()) {
-    const MatX<double> R = f.factor.R();
-    const MatX<double> RR = R.transpose() * R / std::max(R.squaredNorm(), 1e-300);
-    for (long a = 0; a < RR.rows(); ++a)
-      for (long b = 0; b < RR.cols(); ++b)
-        K(f.columns[static_cast<std::size_t>(a)], f.columns[static_cast<std::size_t>(b)]) +=
-            RR(a, b);
-  }
-  MatX<double> A = K(free, free);
-  A.diagonal() += kRidge * A.diagonal() + VecX<double>::Constant(A.rows(), 1e-300);
+  problem.prior_information = weak.asDiagonal();
+  problem.d = problem.R * x.head(p);
   VecX<double> out = x;
-  const VecX<double> at = x(free);
-  out(free) = signed_fit(A, A * at, nonnegative).x;
+  out.head(p) = solve_convex_fit(problem).x;
   return out;
 }
 
@@ -78,7 +119,7 @@ Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x
 }
 
 VecX<double> Reference::set(const VecX<double>& x, const std::vector<Term>& terms) {
-  Model reference = base_at(model_, layout_, within_signs(layout_, train_, x), terms);
+  Model reference = base_at(model_, layout_, possible(layout_, train_, x), terms);
   // Columns on top of it hold those that change the tree or the channels; a tilt changes the base's
   // columns, too.
   for (const Term& t : terms)
@@ -90,7 +131,7 @@ VecX<double> Reference::set(const VecX<double>& x, const std::vector<Term>& term
 }
 
 Model Reference::extended(const VecX<double>& x, const std::vector<Term>& terms) const {
-  Model out = base_at(model_, layout_, within_signs(layout_, train_, x), terms);
+  Model out = base_at(model_, layout_, possible(layout_, train_, x), terms);
   for (const Term& t : terms)
     if (!t.effect.own) out.effects.push_back(to_spec(t.effect));
   return out;

@@ -36,6 +36,14 @@ TEST_CASE("may_be_nothing: zero in every interval of what a cause is proportiona
   CHECK_FALSE(may_be_nothing(friction, {between(-1.0, 1.0), between(0.5, 1.0)}));
   CHECK(may_be_nothing(friction, {between(-1.0, 1.0), between(0.0, 1.0)}));
   CHECK(may_be_nothing(friction, {between(-1.0, 1.0), CauseParameter{}}));
+
+  // Without a damping, too, a link swings on its spring.
+  const test::SwingingEvidence evidence(20.0);
+  const std::vector<Candidate> gears =
+      make_candidates(evidence.model, evidence.model, {"joint_elasticity@elbow"}, {0}, false);
+  Term gear = term_at(gears[0], 0, gears[0].grid.front());
+  gear.linear = {1};
+  CHECK_FALSE(may_be_nothing(gear, {between(80.0, 90.0), between(0.0, 1.0)}));
 }
 
 TEST_CASE("of_robot: what swings behind its encoder has a damping from none on", "[diagnose]") {

@@ -5,6 +5,9 @@
 #include <support/swinging.hpp>
 
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/generators/catch_generators.hpp>
+
+#include <diffnea/model/physical.hpp>
 
 namespace reference_test {
 
@@ -21,15 +24,17 @@ long index_of(const FitLayout& layout, const std::string& name) {
 
 }  // namespace
 
-TEST_CASE("Reference: a rotor below 0 is taken over by the link that it turns", "[diagnose]") {
+TEST_CASE("Reference: a rotor and the link that it turns share an inertia as a robot can",
+          "[diagnose]") {
+  const double moved = GENERATE(-0.05, 0.5);  // to a rotor below 0, to a link that none is
   test::SwingingEvidence s(40.0, false, 1, "armature");
   const long p = static_cast<long>(s.layout.linear.size());
   VecX<double> x = VecX<double>::Zero(s->base().cols());
   x.head(p) = s.layout.prior();
   const long rotor = index_of(s.layout, "shoulder.armature.armature"),
-             inertia = index_of(s.layout, "upper.Iyy");
-  x[rotor] = -0.05;  // [kg m²]
-  x[inertia] += 0.05;
+             mass = index_of(s.layout, "upper.mass"), inertia = index_of(s.layout, "upper.Iyy");
+  x[rotor] = moved;  // [kg m²]
+  x[inertia] -= moved;
   const Reference reference(s.model, s.layout, *s.evidence, nullptr);
   std::vector<std::string> notes;
   FitChoice choice;
@@ -38,9 +43,12 @@ TEST_CASE("Reference: a rotor below 0 is taken over by the link that it turns", 
       layout_for(reference.extended(x, {}), *s.source, nullptr, choice, notes).prior();
   REQUIRE(held.size() == p);
   CHECK(held[rotor] >= 0.0);
+  Theta<double> theta;
+  for (int k = 0; k < kThetaSize; ++k) theta[k] = held[mass + k];
+  CHECK(smallest_pseudo_inertia_eigenvalue(theta) > 0.0);
   const MatX<double> A = s->base().leftCols(p);
   const double torque = (A * x.head(p)).norm();
-  CHECK((A * (held - x.head(p))).norm() < 1e-6 * torque);  // the ridge's share
+  CHECK((A * (held - x.head(p))).norm() < 1e-6 * torque);  // the weak prior's share
   VecX<double> clipped = x.head(p);
   clipped[rotor] = 0.0;
   CHECK((A * (clipped - x.head(p))).norm() > 1e-3 * torque);  // what would be missing
