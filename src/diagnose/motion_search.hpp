@@ -150,7 +150,7 @@ class MotionSearch {
   std::function<bool(const std::string&, int)> progress_;
   std::vector<MotionStretch> held_;                    ///< whole, or the blocks that are held out
   std::vector<MotionWindow> windows_, held_windows_;  ///< with measured states
-  /// Pieces of windows_, in which what flies free goes astray before it meets the other flank.
+  /// Pieces of windows_, over before what flies free is astray; with measured states.
   std::vector<MotionWindow> brief_;
   long samples_ = 0;
   std::map<std::vector<std::string>, Known> known_;

@@ -27,9 +27,9 @@ constexpr double kTrial = 1.0;
 constexpr double kPieces = 5.0, kMorePieces = 20.0;
 /// Scales at which a joint's drive is looked for, over where a fit has found it.
 constexpr double kScales[] = {0.1, 3.0, 10.0, 30.0, 100.0, 1000.0};
-/// And below, while the windows tell no two apart: at most so many times.
+/// And below, step by step, while the windows tell no two apart: down to a millionth.
 constexpr double kSmaller = 0.3;
-constexpr int kDecades = 12;
+constexpr int kMostSmaller = 12;
 
 /// Stretches that show what drives do at their bounds: of each joint, the one with its largest error
 /// and the one with its fastest command.
@@ -235,7 +235,7 @@ std::optional<MotionBeginning> at_other_scales(const Model& model, const MotionD
     }
     // The smallest of scales that windows do not tell apart: beyond, the links weigh nothing, and
     // there is no end to them.
-    for (int k = 0; k < kDecades && !(prior > 0.0); ++k) {
+    for (int k = 0; k < kMostSmaller && !(prior > 0.0); ++k) {
       const VecX<double> smaller = scaled(kSmaller);
       if (!(misfit(smaller) < least + kVeryStrong)) break;
       out.start = smaller;
