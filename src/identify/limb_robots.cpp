@@ -86,10 +86,8 @@ FitChoice LimbRobot::choice(const FitLayout& layout, const FitChoice& whole) con
   };
   out.effects.emplace();
   for (const BoundEffect& e : layout.effects)
-    if (part_.has(e) && (whole.effects || !is_of_model(e)))
+    if ((part_.has(e) || is_of_all(e)) && (whole.effects || !is_of_model(e)))
       out.effects->push_back(e.info().name + "@" + e.where);
-  // No motion fit moves fixed transforms.
-  std::erase_if(out.fit, [](const std::string& group) { return group.starts_with("kinematics"); });
   std::erase_if(out.fix, [&](const std::string& entry) {
     const std::string pattern = split_value(entry).first;
     const auto is_meant = [&](const FitParameter& p) {
