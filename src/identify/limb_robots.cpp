@@ -11,33 +11,55 @@
 namespace diffnea {
 namespace {
 
-/// Recordings with some of their joints.
+/// Recordings with some of their joints, and of what the robot held, what hangs on these.
 class OfJoints : public RecordingSource {
  public:
-  OfJoints(const RecordingSource& whole, std::vector<JointDescription> joints)
-      : whole_(whole), joints_(std::move(joints)) {}
+  /// @param has_tip  the whole robot's last moving link is theirs
+  OfJoints(const RecordingSource& whole, std::vector<JointDescription> joints, bool has_tip)
+      : whole_(whole), joints_(std::move(joints)), has_tip_(has_tip) {}
 
   void for_each(const std::function<bool(const Recording&)>& use) const override {
     whole_.for_each([&](const Recording& r) {
       std::vector<Recording> one{r};
-      match_joints(joints_, one);
+      cut(one);
       return use(one.front());
     });
   }
   std::vector<Recording> sample() const override {
     std::vector<Recording> out = whole_.sample();
-    match_joints(joints_, out);
+    cut(out);
     return out;
   }
   std::vector<int> runs() const override { return whole_.runs(); }
-  std::vector<RunDescription> describe_runs() const override { return whole_.describe_runs(); }
-  bool holds_payload() const override { return whole_.holds_payload(); }
+  std::vector<RunDescription> describe_runs() const override {
+    std::vector<RunDescription> out = whole_.describe_runs();
+    for (RunDescription& run : out) cut(run.info);
+    return out;
+  }
+  bool holds_payload() const override {
+    return std::ranges::any_of(describe_runs(),
+                               [](const RunDescription& r) { return r.info.payload.has_value(); });
+  }
   const ReadReport& report() const override { return whole_.report(); }
   const std::vector<ChannelWarning>& warnings() const override { return whole_.warnings(); }
 
  private:
+  void cut(RecordingInfo& info) const {
+    if (!info.payload) return;
+    const std::string& where = info.payload->where;
+    const bool here = where == "tip" ? has_tip_
+                                     : std::ranges::find(joints_, where, &JointDescription::name) !=
+                                           joints_.end();
+    if (!here) info.payload.reset();
+  }
+  void cut(std::vector<Recording>& recordings) const {
+    match_joints(joints_, recordings);
+    for (Recording& r : recordings) cut(r.info);
+  }
+
   const RecordingSource& whole_;
   std::vector<JointDescription> joints_;
+  bool has_tip_;
 };
 
 /// Tells whether an effect is of no joint and no link: of the whole robot.
@@ -46,7 +68,9 @@ bool is_of_all(const BoundEffect& e) { return e.joints.empty() && e.links.empty(
 }  // namespace
 
 LimbRobot::LimbRobot(const Model& whole, const FitLayout& layout, const Limb& limb)
-    : part_(make_tree(whole), limb), model_(whole) {
+    : part_(make_tree(whole), limb),
+      has_tip_(limb.first + limb.count == layout.num_dofs),
+      model_(whole) {
   std::erase_if(model_.effects, [&](const EffectSpec& spec) {
     const auto bound = std::ranges::find_if(layout.effects, [&](const BoundEffect& e) {
       return e.info().name == spec.effect && e.where == spec.where;
@@ -100,7 +124,7 @@ FitChoice LimbRobot::choice(const FitLayout& layout, const FitChoice& whole) con
 }
 
 std::unique_ptr<RecordingSource> LimbRobot::recordings(const RecordingSource& whole) const {
-  return std::make_unique<OfJoints>(whole, describe_joints(model_));
+  return std::make_unique<OfJoints>(whole, describe_joints(model_), has_tip_);
 }
 
 void LimbRobot::put(const Model& fitted, Model& whole) const {

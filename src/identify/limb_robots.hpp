@@ -30,13 +30,14 @@ class LimbRobot {
   bool has(const BoundEffect& effect) const { return part_.has(effect); }
   /// The same choice of the limb's parameters.
   FitChoice choice(const FitLayout& layout, const FitChoice& whole) const;
-  /// Its columns of recordings, which outlive it.
+  /// Its columns of recordings, which outlive it; of what the robot held, what hangs on the limb.
   std::unique_ptr<RecordingSource> recordings(const RecordingSource& whole) const;
   /// Writes what a fit of the limb has found into the whole robot.
   void put(const Model& fitted, Model& whole) const;
 
  private:
   LimbPart part_;
+  bool has_tip_;            ///< the robot's last moving link is its
   std::vector<int> links_;  ///< of the model's, those that the limb moves
   Model model_;
 };

@@ -5,6 +5,7 @@
 
 #include <catch2/catch_approx.hpp>
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/core/error.hpp>
@@ -96,6 +97,26 @@ TEST_CASE("limbs: a servo beside another is fitted as it is alone", "[identify]"
     told += n;
   }
   CHECK(told == both.model.posterior->names.size());
+}
+
+TEST_CASE("limbs: what the robot held hangs on one of them", "[identify]") {
+  const auto held = GENERATE(as<std::string>{}, "tip", "right", "left");
+  Recording log = log_of_both();
+  log.info.payload = HeldBody{"weight", held, 0.2, std::array{0.0, 0.0, -0.1},
+                              std::array{0.0, 0.0, 0.0, 0.0, 0.0, 0.0}};
+  const IdentifyResult both = identify(robot(), {log}, {});
+  const std::size_t of = held == "left" ? 0 : 1;  // the tip is the last link
+  for (const std::size_t k : {0, 1}) {
+    Recording own = log_of(k);
+    if (k == of) {
+      own.info.payload = log.info.payload;
+      own.info.payload->where = kJoints[k];
+    }
+    const IdentifyResult one = identify(alone(k), {own}, {});
+    CAPTURE(held, kJoints[k]);
+    CHECK(test::estimate(both, kJoints[k] + ".position_servo.stiffness").value ==
+          test::estimate(one, kJoints[k] + ".position_servo.stiffness").value);
+  }
 }
 
 TEST_CASE("limbs: a choice that no limb has is refused, an unmoved limb goes with another",
