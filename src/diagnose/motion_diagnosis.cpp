@@ -8,6 +8,7 @@
 #include <diffnea/core/parallel.hpp>
 #include <diffnea/recording/audit.hpp>
 
+#include "core/append.hpp"
 #include "core/constants.hpp"
 #include "diagnose/limb_diagnosis.hpp"
 #include "diagnose/simulated.hpp"
@@ -81,11 +82,6 @@ void keep_most(const Limbs& limbs, int most) {
   const auto least = [](const auto& limb) { return limb->least(); };
   while (most > 0 && count() > static_cast<std::size_t>(most))
     (*std::ranges::min_element(limbs, {}, least))->drop_least();
-}
-
-template <class T>
-void append(const std::vector<T>& from, std::vector<T>& to) {
-  to.insert(to.end(), from.begin(), from.end());
 }
 
 /// Joins what the limbs lack to what the robot lacks.

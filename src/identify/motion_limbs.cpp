@@ -4,6 +4,7 @@
 
 #include <diffnea/core/parallel.hpp>
 
+#include "core/append.hpp"
 #include "identify/drives.hpp"
 #include "identify/limb_robots.hpp"
 #include "identify/passes.hpp"
@@ -15,11 +16,6 @@ namespace {
 std::string name_of(const LimbRobot& limb) {
   const std::vector<std::string> joints = joint_names(limb.model());
   return joints.front() + (joints.size() > 1 ? " to " + joints.back() : "");
-}
-
-template <class T>
-void append(const std::vector<T>& from, std::vector<T>& to) {
-  to.insert(to.end(), from.begin(), from.end());
 }
 
 Posterior side_by_side(const Posterior& a, const Posterior& b) {

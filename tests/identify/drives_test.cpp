@@ -62,15 +62,9 @@ struct Bench {
     constexpr int kFine = 100;  // steps a row
     const double row = 0.01, h = row / kFine;
     const long rows = std::lround(seconds / row);
-    Recording r;
+    Recording r = test::blank_servo_log(rows);
     r.source = "bench, run " + std::to_string(run);
     r.run = run;
-    r.joint_names = {"servo"};
-    r.has_tau = {false};
-    r.time.resize(rows);
-    r.q.resize(rows, 1);
-    r.qcmd.resize(rows, 1);
-    r.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
     r.info.controller = {{"servo", "gain", gain}};
     if (supply) r.extra.push_back({"voltage [mV]", VecX<double>(rows)});
     const double step = 2.0 * M_PI / 4096.0, J = inertia + mass * length * length;

@@ -35,6 +35,19 @@ inline Model servo_bench(double mass, double length, double inertia,
   return out;
 }
 
+/// A log of servo_bench() without a number yet: times, positions and commands, no torque.
+inline Recording blank_servo_log(long rows) {
+  Recording r;
+  r.source = "bench";
+  r.joint_names = {"servo"};
+  r.has_tau = {false};
+  r.time.resize(rows);
+  r.q.resize(rows, 1);
+  r.qcmd.resize(rows, 1);
+  r.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
+  return r;
+}
+
 /// Arm of servo_bench(), its servo, and a spring.
 struct SprungServo {
   double mass = 0.5, length = 0.1, inertia = 0.001;  // the arm's, as servo_bench() takes it
@@ -48,14 +61,7 @@ struct SprungServo {
     constexpr int kFine = 100;  // steps a row
     const double h = kRow / kFine;
     const long rows = std::lround(seconds / kRow);
-    Recording r;
-    r.source = "bench";
-    r.joint_names = {"servo"};
-    r.has_tau = {false};
-    r.time.resize(rows);
-    r.q.resize(rows, 1);
-    r.qcmd.resize(rows, 1);
-    r.tau = RowMatX<double>::Constant(rows, 1, std::nan(""));
+    Recording r = blank_servo_log(rows);
     double q = 0.0, v = 0.0;
     for (long k = 0; k < rows; ++k) {
       const double t = kRow * static_cast<double>(k),
