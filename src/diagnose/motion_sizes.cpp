@@ -41,6 +41,9 @@ std::vector<CauseParameter> MotionSearch::parameters_of(const MotionSolution& at
         of.low = of.value - kNormal95 * of.std;
         of.high = of.value + kNormal95 * of.std;
         if (list[c].sign != Sign::kFree) of.low = std::max(of.low, 0.0);
+        // Flanks of the fit give way; how much of that true ones do nobody knows.
+        if (hides_motor(effect) && k == gear_size(effect))
+          of.high += flank_give(effect, at.layout, at.fit.x, at.fit.shape, data_.data);
       }
     };
     take(at.layout.linear, at.fit.x, 0);

@@ -9,23 +9,6 @@
 namespace diffnea {
 namespace {
 
-/// Sizes of the command's error in the rows in which the drive is on and a position was measured.
-std::vector<double> errors_of(const MotionStretch& stretch, int joint, double delay, double speed) {
-  CommandPath limited;
-  if (speed < kNoBound) {
-    limited = *stretch.command;
-    limited.limit_speed(joint, speed);
-  }
-  const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
-  std::vector<double> out;
-  for (std::size_t k = 0; k < stretch.time.size(); ++k) {
-    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay) -
-                                                    stretch.q(static_cast<long>(k), joint));
-    if (std::isfinite(error)) out.push_back(error);
-  }
-  return out;
-}
-
 /// Bounds of drives that the fit moves, as indices of shapes.
 std::vector<std::size_t> free_bounds(const FitLayout& layout) {
   std::vector<std::size_t> out;
@@ -74,10 +57,9 @@ bool is_idle(std::size_t bound, const Model& model, const MotionData& data,
       model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
   const MotionFitter without(problem, options, at.x, shape);
   std::vector<MotionWindow> windows = climb.at().windows;
-  without.fit_states(windows, kOnTheWay);
-  const double independent = climb.independent();
-  return bic(without.cost(windows), 0.0, independent) <
-         bic(at.objective, 1.0, independent) + kVeryStrong;
+  const double most = as_good(at.objective, 1.0, climb.independent());
+  without.fit_states(windows, kOnTheWay, most);
+  return without.cost(windows) < most;
 }
 
 /// Tells whether a bound is within its error of none.
@@ -95,9 +77,31 @@ double bic(double objective, double free, double independent) {
   return independent * std::log(objective) + free * std::log(independent);
 }
 
+double as_good(double objective, double fewer, double independent) {
+  return objective * std::exp((fewer * std::log(independent) + kVeryStrong) / independent);
+}
+
+std::vector<double> command_errors(const MotionStretch& stretch, int joint, double delay,
+                                   double speed) {
+  CommandPath limited;
+  if (speed < kNoBound) {
+    limited = *stretch.command;
+    limited.limit_speed(joint, speed);
+  }
+  const CommandPath& led = speed < kNoBound ? limited : *stretch.command;
+  std::vector<double> out;
+  for (std::size_t k = 0; k < stretch.time.size(); ++k) {
+    const double error = led.gain(joint) * std::abs(led.at(joint, stretch.time[k], delay) -
+                                                    stretch.q(static_cast<long>(k), joint));
+    if (std::isfinite(error)) out.push_back(error);
+  }
+  return out;
+}
+
 double largest_error(const MotionStretch& stretch, int joint, double delay, double speed) {
   double most = 0.0;
-  for (const double error : errors_of(stretch, joint, delay, speed)) most = std::max(most, error);
+  for (const double error : command_errors(stretch, joint, delay, speed))
+    most = std::max(most, error);
   return most;
 }
 
@@ -106,7 +110,7 @@ double saturated_share(const std::vector<MotionStretch>& stretches, int joint, d
   long on = 0, saturated = 0;
   for (const MotionStretch& s : stretches) {
     if (!s.command) continue;
-    const std::vector<double> errors = errors_of(s, joint, delay, speed);
+    const std::vector<double> errors = command_errors(s, joint, delay, speed);
     on += static_cast<long>(errors.size());
     saturated += std::ranges::count_if(errors, [&](double e) { return e >= reach; });
   }

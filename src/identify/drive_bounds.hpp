@@ -21,12 +21,19 @@ inline constexpr double kVeryStrong = 10.0;
 /// @param free         parameters
 /// @param independent  errors among the positions
 double bic(double objective, double free, double independent);
+/// Objective up to which a fit is no worse beyond doubt than one of this objective.
+/// @param fewer  parameters than that one has
+double as_good(double objective, double fewer, double independent);
 
 /// Tells whether a shape bounds what a drive of the layout does: it is no delay.
 bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape);
 /// Value of the shape where it bounds nothing.
 double no_bound(const FitLayout& layout, const FitParameter& shape);
 
+/// Errors of a joint's command that its drive sees, its gain included [rad] or [m], in the rows in
+/// which it is on and a position was measured.
+std::vector<double> command_errors(const MotionStretch& stretch, int joint, double delay,
+                                   double speed);
 /// Largest error of a joint's command that its drive sees, its gain included [rad] or [m].
 /// @param speed  of its setpoint at most
 double largest_error(const MotionStretch& stretch, int joint, double delay, double speed);

@@ -62,10 +62,9 @@ bool do_as_well(const Fitted& of, const VecX<double>& x, const VecX<double>& sha
                               of.data.runs, of.data.noise.position, of.climb.beginning().scale};
   const MotionFitter other(problem, of.options, x, shape);
   std::vector<MotionWindow> windows = of.climb.at().windows;
-  other.fit_states(windows, kOnTheWay);
-  const double independent = of.climb.independent();
-  return bic(other.cost(windows), 0.0, independent) <
-         bic(of.climb.fitter().now().objective, fewer, independent) + kVeryStrong;
+  const double most = as_good(of.climb.fitter().now().objective, fewer, of.climb.independent());
+  other.fit_states(windows, kOnTheWay, most);
+  return other.cost(windows) < most;
 }
 
 /// Tells whether the windows would do as well without the drive's pull.

@@ -45,16 +45,22 @@ int free_size(const FitLayout& layout, std::size_t effect) {
   return -1;
 }
 
-/// Error at which a joint's drive saturates [rad] or [m]; kNoBound: nowhere, or none leads it.
-double drive_reach(const FitLayout& layout, const VecX<double>& shape, int joint) {
+/// Shape of a joint's drive by the end of its name; `none`: it has no such shape.
+double drive_shape(const FitLayout& layout, const VecX<double>& shape, int joint, const char* end,
+                   double none) {
   for (std::size_t k = 0; k < layout.shape.size(); ++k) {
     const FitParameter& p = layout.shape[k];
-    if (p.effect < 0 || !p.name.ends_with(".reach")) continue;
+    if (p.effect < 0 || !p.name.ends_with(end)) continue;
     const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
     if (e.info().has(Trait::kReadsCommand) && std::ranges::find(e.joints, joint) != e.joints.end())
       return shape[static_cast<long>(k)];
   }
-  return kNoBound;
+  return none;
+}
+
+/// Error at which a joint's drive saturates [rad] or [m]; kNoBound: nowhere, or none leads it.
+double drive_reach(const FitLayout& layout, const VecX<double>& shape, int joint) {
+  return drive_shape(layout, shape, joint, ".reach", kNoBound);
 }
 
 }  // namespace
@@ -134,6 +140,25 @@ void set_flanks(double gain, double rotor, BoundEffect& gear) {
     if (p.name == "restitution" && gear.parameters[k] == p.initial) gear.parameters[k] = 0.0;
     if (p.name == "motor_inertia") gear.parameters[k] = std::max(rotor, 0.0);
   }
+}
+
+double flank_give(const BoundEffect& gear, const FitLayout& layout, const VecX<double>& x,
+                  const VecX<double>& shape, const MotionData& data) {
+  if (gear.info().motor == HiddenMotor::kSpring) return 0.0;
+  const int joint = gear.joints.front();
+  const double reach = drive_reach(layout, shape, joint),
+               delay = drive_shape(layout, shape, joint, ".delay", 0.0),
+               speed = drive_shape(layout, shape, joint, ".speed", kNoBound);
+  double sum = 0.0, rows = 0.0;
+  for (const MotionStretch& s : data.train) {
+    if (!s.command) continue;
+    for (const double error : command_errors(s, joint, delay, speed)) {
+      sum += std::min(error, reach);
+      rows += 1.0;
+    }
+  }
+  return rows > 0.0 ? 2.0 * drive_gain(layout, x, joint) * sum / rows / motor_spring(gear).stiffness
+                    : 0.0;
 }
 
 void set_rotors(Model& model) {

@@ -39,6 +39,12 @@ std::size_t gear_size(const BoundEffect& gear);
 /// @param gain, rotor  of the joint
 void set_flanks(double gain, double rotor, BoundEffect& gear);
 
+/// How much less than its own width the gap of such flanks is [rad] or [m], if true ones do not
+/// give way: by what both do under the mean torque of the joint's drive. 0 of a spring.
+/// @param gear  with its values  @param x, shape  as for gear_sizes()
+double flank_give(const BoundEffect& gear, const FitLayout& layout, const VecX<double>& x,
+                  const VecX<double>& shape, const MotionData& data);
+
 /// Effects of the model that hide a motor get the armature of their joint as its inertia.
 void set_rotors(Model& model);
 

@@ -286,7 +286,8 @@ TriangularFactor MotionFitter::factor(const std::vector<MotionWindow>& windows) 
   return out;
 }
 
-void MotionFitter::fit_states(std::vector<MotionWindow>& windows, double tolerance) const {
+void MotionFitter::fit_states(std::vector<MotionWindow>& windows, double tolerance,
+                              double most) const {
   Workers simulators = workers_at(now_.x, now_.shape, {});
   // Windows know nothing of each other: each goes its own way.
   parallel_for(windows.size(), simulators.size(), [&](std::size_t i, std::size_t t) {
@@ -294,7 +295,10 @@ void MotionFitter::fit_states(std::vector<MotionWindow>& windows, double toleran
     const double noise =
         0.5 * static_cast<double>(w.rows) * static_cast<double>(problem_.sigma.size());
     fit_state(*simulators[t], problem_.stretches[w.stretch], w, problem_.sigma,
-              {options_.max_iterations, tolerance, kBelowNoise * noise});
+              {.max_iterations = options_.max_iterations,
+               .tolerance = tolerance,
+               .enough = kBelowNoise * noise,
+               .most = most});
   });
 }
 

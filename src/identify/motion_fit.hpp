@@ -58,8 +58,11 @@ class MotionFitter {
   /// @param to_beat    objective of a rival; stop where many steps like the last one would not come
   ///                   below it
   void fit(std::vector<MotionWindow>& windows, double tolerance, double to_beat = kNoRival);
-  /// Fits the states alone. @param tolerance  as for fit()
-  void fit_states(std::vector<MotionWindow>& windows, double tolerance) const;
+  /// Fits the states alone.
+  /// @param tolerance  as for fit()
+  /// @param most       cost that decides: windows that stay above it need not be exact
+  void fit_states(std::vector<MotionWindow>& windows, double tolerance,
+                  double most = kNoRival) const;
   /// Standard errors at the present point: as they differ where blocks of time are left out in turn
   /// (jackknife; Efron 1982), so that residuals may depend on each other, and be larger here than
   /// there; no less than independent noise makes them.

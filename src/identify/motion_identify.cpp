@@ -228,10 +228,14 @@ class MotionIdentification {
   /// Errors of this horizon: held out, and of the model before the fit.
   void measure(double horizon) {
     constexpr double kRoughly = 1e-2;  // half a percent of an error that is large
+    // A model that is apart all the time has no state that would help.
+    const VecX<double> off = limit_.cwiseQuotient(data_.noise.position);
     const auto of_model = [&](const MotionFitter& fitter, double tolerance,
                               const std::vector<MotionStretch>& stretches, Ladder& ladder) {
       ladder.next(fitter.workers(), stretches, horizon, first_);
-      fitter.fit_states(ladder.windows, tolerance);
+      double rows = 0.0;
+      for (const MotionWindow& w : ladder.windows) rows += static_cast<double>(w.rows);
+      fitter.fit_states(ladder.windows, tolerance, 0.5 * rows * off.squaredNorm());
       Workers workers = fitter.workers();
       ladder.errors = window_errors(workers, stretches, ladder.windows, limit_);
     };

@@ -9,11 +9,18 @@
 namespace diffnea {
 namespace {
 
-/// Speed at rest [rad/s] or [m/s]: a secant from there is the slope of friction.
-constexpr double kSlow = 1e-6;
+/// Speed at rest [rad/s] or [m/s], where no friction is sharper, else share of the speed at which
+/// it turns: a secant from there is the slope of friction.
+constexpr double kSlow = 1e-6, kSlowShare = 0.01;
 /// Speed over that at which dry friction turns, from which on it is flat: tanh(5) is 1 but for
 /// 1e-4.
 constexpr double kFlat = 5.0;
+/// Reach of a drive that has none, as position_servo has it [rad] or [m].
+constexpr double kNoReach = 1e3;
+/// Step times the frequency of a joint that a drive without bounds leads [rad]: it forgets within a
+/// radian or two, and what it is off by is 1e-5 of its motion, less than an encoder's step is. At
+/// bounds, and beside friction that follows the load, a step is no longer of fourth order.
+constexpr double kLedPhase = 0.2;
 
 }  // namespace
 
@@ -30,6 +37,7 @@ MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options, int f
       if (e.parameter_info[k].name == "smoothing")
         for (const int j : e.joints) sharp_[j] = std::min(sharp_[j], e.parameters[k]);
   }
+  slow_ = (kSlowShare * sharp_).cwiseMin(kSlow);
   damping_ = moving_ = resting_ = probe_ = still_ = qdd_ = VecX<double>::Zero(n_);
 }
 
@@ -148,8 +156,8 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   dynamics_.set_time(stretch.time[static_cast<std::size_t>(window.first)]);
   const long moving = n_ - static_cast<long>(rotors_.integrators().size());  // no friction there
   double rate = 0.0;
-  for (const double side : {-kSlow, 0.0}) {  // friction may be of another size on each
-    const VecX<double> speed = VecX<double>::Constant(n_, side);
+  for (const double side : {-1.0, 0.0}) {  // friction may be of another size on each
+    const VecX<double> speed = side * slow_;
     dynamics_.linearise(q.data(), speed.data(), u.data(), stretch.run);
     if (dry_)
       rate = std::max(rate,
@@ -162,17 +170,26 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   }
   // Joints and their rotors moved together: gears do not wind up.
   MatX<double> by_joint = dynamics_.dqdd_dq().leftCols(rotors_.joints());
+  std::vector<bool> forgets(static_cast<std::size_t>(n_), false);
   if (dynamics_.command())
     for (const BoundEffect& e : dynamics_.model().effects)
-      if (const double slope = drive_slope(e, led_); slope > 0.0)
-        by_joint.col(rotors_.joint_of(e.joints.front())) -=
-            slope * dynamics_.inverse_mass_matrix().col(e.joints.front());
+      if (const double slope = drive_slope(e, led_); slope > 0.0) {
+        const int dof = e.joints.front();
+        by_joint.col(rotors_.joint_of(dof)) -= slope * dynamics_.inverse_mass_matrix().col(dof);
+        const double* law = led_.servo(dof);
+        const bool smooth = law[3] >= kNoReach && law[4] == 0.0 && !dynamics_.is_implicit();
+        for (int d = 0; d < n_ && smooth; ++d)
+          if (rotors_.joint_of(d) == rotors_.joint_of(dof))
+            forgets[static_cast<std::size_t>(d)] = true;
+      }
   for (const HiddenRotor& r : rotors_.rotors())
     by_joint.col(r.joint) += dynamics_.dqdd_dq().col(r.rotor);
-  const double frequency = std::sqrt(by_joint.cwiseAbs().rowwise().sum().maxCoeff());
-  longest_ =
-      frequency > 0.0 ? options_.max_phase / frequency : std::numeric_limits<double>::infinity();
-  longest_ = std::min(longest_, step_of_gears());
+  longest_ = step_of_gears();
+  for (int dof = 0; dof < n_; ++dof) {
+    const double frequency = std::sqrt(by_joint.row(dof).cwiseAbs().sum());
+    const double phase = forgets[static_cast<std::size_t>(dof)] ? kLedPhase : options_.max_phase;
+    if (frequency > 0.0) longest_ = std::min(longest_, phase / frequency);
+  }
   return rate;
 }
 
@@ -220,7 +237,7 @@ double MotionPath::friction_rate(const MatX<double>& A, Speed speed, int run) {
   const double* qd = A.data() + n_;
   for (int j = 0; j < n_; ++j)
     probe_[j] =
-        speed == kAsItMoves && std::abs(qd[j]) > kSlow ? qd[j] : std::copysign(kSlow, qd[j]);
+        speed == kAsItMoves && std::abs(qd[j]) > slow_[j] ? qd[j] : std::copysign(slow_[j], qd[j]);
   friction(q, probe_.data(), run, moving_);
   VecX<double> rest = still_;
   for (const DriveIntegrator& i : rotors_.integrators()) rest[i.dof] = probe_[i.dof];

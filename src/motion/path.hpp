@@ -190,6 +190,7 @@ class MotionPath {
   int n_;                 ///< degrees of freedom N
   bool dry_ = false;      ///< some effect's torque reads the velocity
   VecX<double> sharp_;    ///< (N) speed within which dry friction turns; infinite: there is none
+  VecX<double> slow_;     ///< (N) speed at rest
   double longest_ = 0.0;  ///< step that the motion itself allows [s]
   RungeKutta4<MatX<double>> rk_;
   MassMatrixWorkspace<double, double> mass_ws_;

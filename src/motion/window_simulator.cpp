@@ -1,5 +1,7 @@
 #include "motion/window_simulator.hpp"
 
+#include <algorithm>
+
 #include "motion/first_states.hpp"
 
 namespace diffnea {
@@ -24,12 +26,12 @@ void fit_state(WindowSimulator& simulator, const MotionStretch& stretch, MotionW
       break;
     }
     window.state = best_state;
-    const double gained = now - best;
+    const double gained = now - best, promised = 0.5 * reduced.top.col(0).squaredNorm();
+    if (std::min(now - promised, best) > options.most) return;
     now = best;
     if (now < options.enough) return;
     if (gained > options.tolerance * now) continue;
     constexpr double kMuch = 0.1;  // share of the cost that inexact rows promise and do not keep
-    const double promised = 0.5 * reduced.top.col(0).squaredNorm();
     if (!(promised > kMuch * now) || now - promised > options.hopeless || !simulator.sharpen())
       return;
   }

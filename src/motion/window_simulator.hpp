@@ -36,6 +36,9 @@ struct StateFitOptions {
   double enough = 0.0;      ///< cost that leaves nothing to gain
   /// Cost that no better state is worth exact rows for, where they promise no less.
   double hopeless = std::numeric_limits<double>::infinity();
+  /// Cost above which the window does not matter: one that no step promises to bring below it gets
+  /// no second step.
+  double most = std::numeric_limits<double>::infinity();
 };
 
 /// Estimates the first state of one window, from the one that it has.

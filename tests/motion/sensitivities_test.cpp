@@ -327,6 +327,22 @@ TEST_CASE(
   CHECK(together.residual_sum_of_squares() == Approx(whole.residual_sum_of_squares()));
 }
 
+TEST_CASE("sensitivities: of a joint at rest, by friction that turns within 1e-10 rad/s", "[motion]") {
+  Model model = servo_that_saturates();
+  model.effects[0].parameters[3].value = 1e3;
+  model.effects.push_back(
+      {"coulomb_friction", "pendulum", {{"coulomb", 0.5, ""}, {"smoothing", 1e-10, ""}}});
+  const MotionStretch s = stepped({0.3, 0.31, 0.305, 0.0}, 100.0);
+  MotionWindow w{0, 0, static_cast<long>(s.time.size()), VecX<double>(2)};
+  w.state << 0.3, 0.0;
+  const std::vector<MotionParameter> free{{.effect = 0, .index = 0}, {.effect = 1, .index = 0}};
+  JointWindows simulator(extend(model), bound(model), free, {});
+  TriangularFactor rows(4);
+  REQUIRE(simulator.linearise(s, w, VecX<double>::Ones(1), rows));
+  // Explicit steps longer than the slope allows leave no number, or 1e30.
+  CHECK(rows.R().cwiseAbs().maxCoeff() < 1e6);
+}
+
 TEST_CASE(
     "path: a servo that saturates where its window begins moves as in a log ten times as fast",
     "[motion]") {
