@@ -105,9 +105,10 @@ py::object payload_dict(const std::optional<HeldBody>& body) {
 
 Recording make_recording(const py::object& time, const py::object& q, const py::object& tau,
                          std::vector<std::string> joint_names, const py::object& qd,
-                         const py::object& qdd, const py::object& qcmd, const py::object& ball,
-                         const py::object& spin, const py::object& base,
-                         const py::object& base_twist, const py::object& base_wrench,
+                         const py::object& qdd, const py::object& qcmd, const py::object& qdcmd,
+                         const py::object& taucmd, const py::object& ball, const py::object& spin,
+                         const py::object& base, const py::object& base_twist,
+                         const py::object& base_wrench,
                          const std::map<std::string, py::object>& extra,
                          const std::string& torque_side,
                          const std::optional<std::string>& torque_sampling,
@@ -128,6 +129,8 @@ Recording make_recording(const py::object& time, const py::object& q, const py::
   r.qd = optional_series("qd", qd, N, n);
   r.qdd = optional_series("qdd", qdd, N, n);
   r.qcmd = optional_series("qcmd", qcmd, N, n);
+  r.qdcmd = optional_series("qdcmd", qdcmd, N, n);
+  r.taucmd = optional_series("taucmd", taucmd, N, n);
   r.ball = optional_series("ball", ball, N, 3);
   r.spin = optional_series("spin", spin, N, 3);
   r.base = optional_series("base", base, N, 7);
@@ -161,6 +164,8 @@ std::string recording_repr(const Recording& r) {
   for (const auto& [name, values] : {std::pair{"qd", &r.qd},
                                      {"qdd", &r.qdd},
                                      {"qcmd", &r.qcmd},
+                                     {"qdcmd", &r.qdcmd},
+                                     {"taucmd", &r.taucmd},
                                      {"ball", &r.ball},
                                      {"spin", &r.spin},
                                      {"base", &r.base},
@@ -201,7 +206,8 @@ void bind_recording(py::module_& m) {
   c.def(
        py::init(&make_recording), py::kw_only(), "time"_a, "q"_a = py::none(), "tau"_a = py::none(),
        "joint_names"_a = std::vector<std::string>{}, "qd"_a = py::none(), "qdd"_a = py::none(),
-       "qcmd"_a = py::none(), "ball"_a = py::none(), "spin"_a = py::none(), "base"_a = py::none(),
+       "qcmd"_a = py::none(), "qdcmd"_a = py::none(), "taucmd"_a = py::none(),
+       "ball"_a = py::none(), "spin"_a = py::none(), "base"_a = py::none(),
        "base_twist"_a = py::none(), "base_wrench"_a = py::none(), "extra"_a = py::dict(),
        "torque_side"_a = "motor", "torque_sampling"_a = py::none(),
        "passive"_a = std::vector<std::string>{}, "period"_a = py::none(),
@@ -209,7 +215,9 @@ void bind_recording(py::module_& m) {
        "source"_a = "arrays",
        "``time``: (N,) [s], strictly increasing. ``q``, ``tau``, ``qd``, ``qdd``, ``qcmd``: (N, "
        "n) [rad, N·m, rad/s,\n"
-       "rad/s²] or [m, N, …]. A column of ``tau`` that is NaN throughout belongs to a joint whose "
+       "rad/s²] or [m, N, …]. ``qdcmd``, ``taucmd``: (N, n) velocity [rad/s] and torque [N·m] that "
+       "drives were told beside ``qcmd``. A column of ``tau`` that is NaN throughout belongs to a "
+       "joint whose "
        "motion is prescribed;\n"
        "``passive`` names joints whose torque is known to be zero. ``ball``, ``spin``: (N, 3) "
        "[m], [rad/s] in the\n"
@@ -247,6 +255,12 @@ void bind_recording(py::module_& m) {
       .def_property_readonly(
           "qcmd", [](const Recording& r) { return or_none(r.qcmd); },
           "(N, n) desired position, or None.")
+      .def_property_readonly(
+          "qdcmd", [](const Recording& r) { return or_none(r.qdcmd); },
+          "(N, n) desired velocity beside it, or None.")
+      .def_property_readonly(
+          "taucmd", [](const Recording& r) { return or_none(r.taucmd); },
+          "(N, n) torque asked of the drives beside both [N·m] or [N], or None.")
       .def_property_readonly(
           "tau", [](const Recording& r) { return array_out(r.tau); },
           "(N, n) [N·m] or [N]; zero at a passive joint (NaN as ``simulate`` returns it), NaN at a "

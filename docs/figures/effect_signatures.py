@@ -289,6 +289,21 @@ def supply_sag(_: str) -> list[Panel]:
     ]
 
 
+def feed_forward(_: str) -> list[Panel]:
+    """Draw what is told beside positions, and what a drive adds to its pull."""
+    damping, share, delay = 0.5, 1.0, 0.1
+    time = np.linspace(0.0, SHOWN, 801)
+    velocity = np.cos(2.0 * time)
+    torque = np.where(np.mod(time, 1.3) < 0.5, 0.8, -0.2)
+    late = np.maximum(time - delay, 0.0)
+    told = share * np.interp(late, time, torque)
+    added = damping * np.interp(late, time, velocity) + told
+    return [
+        Panel(time, torque, "time [s]", "told: torque [N·m]", grey=velocity),
+        Panel(time, added, "time [s]", "added torque [N·m]", grey=told),
+    ]
+
+
 def integral_action(_: str) -> list[Panel]:
     """Draw a step under a load that pulls back, without and with the integral."""
     stiffness, damping, inertia, load, rate, step = 10.0, 0.8, 0.03, 2.0, 3.0, 1e-3
@@ -315,6 +330,7 @@ OTHERS: dict[str, Callable[[str], list[Panel]]] = {
     "velocity_filter_lag": velocity_filter_lag,
     "position_servo": position_servo,
     "supply_sag": supply_sag,
+    "feed_forward": feed_forward,
     "integral_action": integral_action,
     "residual": residual,
 }

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 _SERVO = "position_servo"
-_SUPPLY, _INTEGRAL = "supply_sag", "integral_action"
+_SUPPLY, _INTEGRAL, _FED = "supply_sag", "integral_action", "feed_forward"
 # Value of a speed that is no bound, as the effect has it.
 _NO_BOUND = 1e3
 
@@ -27,7 +27,8 @@ class Drive:
     The law is that of the effect ``position_servo``: a setpoint that moves no faster than the
     drive's speed, a delay, a dead band, a reach, and the motor's braking; less the joint's
     ``torque_offset``, which acts in a drive that is off, too. With a ``supply_sag``, its torque
-    follows the supply; with an ``integral_action``, it integrates its error from call to call. A robot description holds
+    follows the supply; with an ``integral_action``, it integrates its error from call to call;
+    with a ``feed_forward``, it is told a velocity and a torque, too. A robot description holds
     stiffness, damping and the largest torque alone (``model.save("robot.xml")``).
 
         >>> drive = diffnea.Drive("run")
@@ -98,13 +99,16 @@ class Drive:
         self._nominal = np.array([e.parameters["nominal"] if e else 1.0 for e in sags])
         integrals = [effects.get((_INTEGRAL, name)) for name in self.joint_names]
         self._rate = np.array([e.parameters["rate"] if e else 0.0 for e in integrals])
+        feeds = [effects.get((_FED, name)) for name in self.joint_names]
+        self._by_velocity = np.array([e.parameters["damping"] if e else 0.0 for e in feeds])
+        self._by_torque = np.array([e.parameters["share"] if e else 0.0 for e in feeds])
         self._friction = [_Friction(effects, name) for name in self.joint_names]
         self.reset()
 
     def reset(self) -> None:
         """Forget the commands: the next call begins a run."""
         self._told = np.empty(0)
-        self._setpoints: deque[tuple[float, NDArray[np.float64]]] = deque()
+        self._commands: deque[tuple[float, NDArray[np.float64]]] = deque()
         self._last = np.inf
         self._integral = self._summed = np.zeros(len(self.joint_names))
 
@@ -115,6 +119,9 @@ class Drive:
         q: ArrayLike,
         qd: ArrayLike,
         supply: ArrayLike | None = None,
+        *,
+        velocity: ArrayLike = 0.0,
+        torque: ArrayLike = 0.0,
     ) -> NDArray[np.float64]:
         """Torque of the drives at one instant, (…, n) [N·m] or [N].
 
@@ -125,17 +132,22 @@ class Drive:
             qd: velocities (…, n) [rad/s] or [m/s].
             supply: voltage of the drives now, one or (…, n) [V], for those with a ``supply_sag``.
                 Default: the nominal one.
+            velocity: told beside the position, (…, n) [rad/s] or [m/s], for drives with a
+                ``feed_forward``.
+            torque: told beside both, (…, n) [N·m] or [N], likewise.
 
         """
-        wanted, q, qd = np.broadcast_arrays(
-            np.asarray(command, float), np.asarray(q, float), np.asarray(qd, float)
+        wanted, q, qd, velocity, torque = np.broadcast_arrays(
+            *(np.asarray(x, float) for x in (command, q, qd, velocity, torque))
         )
         if wanted.shape[-1:] != (len(self.joint_names),):
             raise ValueError(
                 f"Drive: got arrays of shape {wanted.shape}, expected (…, "
                 f"{len(self.joint_names)}): {', '.join(self.joint_names)}"
             )
-        setpoint = self._delayed(time, self._led(time, wanted))
+        setpoint, velocity, torque = self._delayed(
+            time, np.stack([self._led(time, wanted), velocity, torque])
+        )
         error = self._gain * (setpoint - q)
         self._integral = self._integral + self._summed * max(time - self._last, 0.0)
         asked = np.sign(error) * np.maximum(np.abs(error) - self._dead_band, 0.0)
@@ -144,8 +156,9 @@ class Drive:
         held = np.isnan(wanted) | ((np.abs(asked) > self._reach) & (asked * error > 0.0))
         self._summed, self._last = np.where(held, 0.0, error), time
         error = np.clip(asked, -self._reach, self._reach)
-        torque = self._strength(supply) * self._stiffness * error - self._damping * qd
-        told: NDArray[np.float64] = np.where(np.isnan(wanted), 0.0, torque) - self._offset
+        pull = self._strength(supply) * self._stiffness * error - self._damping * qd
+        pull = pull + self._by_velocity * velocity + self._by_torque * torque
+        told: NDArray[np.float64] = np.where(np.isnan(wanted), 0.0, pull) - self._offset
         return told
 
     def frictionloss(self, qd: ArrayLike, load: ArrayLike = 0.0) -> NDArray[np.float64]:
@@ -172,10 +185,10 @@ class Drive:
 
     def _led(self, time: float, wanted: NDArray[np.float64]) -> NDArray[np.float64]:
         """Setpoint now, which since the last call moved to what was told then."""
-        if not self._setpoints:
+        if not self._commands:
             self._told = wanted
             return wanted
-        last, before = self._setpoints[-1]
+        last, before = self._commands[-1][0], self._commands[-1][1][0]
         if time < last:
             raise ValueError(
                 f"Drive: got time {time} after {last}, expected it to ascend; reset() begins anew"
@@ -187,17 +200,17 @@ class Drive:
         self._told = np.where(np.isnan(wanted), self._told, wanted)
         return np.where(at_once | np.isnan(before), self._told, led)
 
-    def _delayed(self, time: float, setpoint: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Setpoints of a delay ago."""
-        if self._setpoints and self._setpoints[-1][0] == time:
-            self._setpoints.pop()
-        self._setpoints.append((time, setpoint))
+    def _delayed(self, time: float, commands: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Setpoints, velocities and torques of a delay ago, (3, …, n) as they are now."""
+        if self._commands and self._commands[-1][0] == time:
+            self._commands.pop()
+        self._commands.append((time, commands))
         # One that is older than all delays stays: it is what holds there.
-        while len(self._setpoints) > 1 and self._setpoints[1][0] <= time - self._delay.max():
-            self._setpoints.popleft()
-        times = np.array([t for t, _ in self._setpoints])
+        while len(self._commands) > 1 and self._commands[1][0] <= time - self._delay.max():
+            self._commands.popleft()
+        times = np.array([t for t, _ in self._commands])
         at = np.maximum(np.searchsorted(times, time - self._delay + 1e-12, side="right") - 1, 0)
-        return np.stack([self._setpoints[k][1][..., j] for j, k in enumerate(at)], axis=-1)
+        return np.stack([self._commands[k][1][..., j] for j, k in enumerate(at)], axis=-1)
 
 
 class _Friction:

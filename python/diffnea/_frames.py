@@ -18,7 +18,7 @@ def recording_frame(recording: Recording) -> pd.DataFrame:
     pandas = import_pandas("Recording.to_frame")
     columns: dict[str, Any] = {"time": recording.time}
     q, tau = recording.q, recording.tau
-    series = {"qd": recording.qd, "qdd": recording.qdd, "qcmd": recording.qcmd}
+    series = {key: getattr(recording, key) for key in ("qd", "qdd", "qcmd", "qdcmd", "taucmd")}
     for j, joint in enumerate(recording.joint_names):
         columns[f"q_{joint}"] = q[:, j]
         for name, values in series.items():

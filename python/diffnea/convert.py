@@ -31,7 +31,8 @@ where no Python is at hand.
 
 Of a bag the messages of one topic of type sensor_msgs/JointState are read: position becomes
 q_JOINT, velocity qd_JOINT, effort tau_JOINT; time starts at 0. Commands of another topic
-(--command-topic, JointState or JointTrajectory) become qcmd_JOINT, held until the next. MATLAB
+(--command-topic, JointState or JointTrajectory) become qcmd_JOINT, qdcmd_JOINT and taucmd_JOINT,
+each held until the next. MATLAB
 and NPZ files hold arrays time (N,), q and tau (N, n), joint_names; or the columns by their
 names. What cannot be true is left out, as with CSV files, and said.
 

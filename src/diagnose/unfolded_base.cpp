@@ -223,7 +223,7 @@ class UnfoldedBase::Source : public RecordingSource {
     }
     Recording out = r;
     for (auto member : {&Recording::base, &Recording::base_twist, &Recording::base_wrench,
-                        &Recording::qdd, &Recording::qcmd})
+                        &Recording::qdd, &Recording::qcmd, &Recording::qdcmd, &Recording::taucmd})
       (out.*member).resize(0, 0);
     out.q = behind(q, r.q);
     out.qd = moves ? behind(qd, r.qd) : RowMatX<double>();

@@ -30,9 +30,12 @@ struct Guess {
   double left = kInfinity;  // Σ e² of its joint there, or its mean
 };
 
-bool has_command(const Recording& r, long joint) {
-  return r.qcmd.size() > 0 && (r.qcmd.col(joint).array() == r.qcmd.col(joint).array()).any();
+/// Tells whether a series of joints has a value of this one.
+bool is_logged(const RowMatX<double>& series, long joint) {
+  return series.size() > 0 && (series.col(joint).array() == series.col(joint).array()).any();
 }
+
+bool has_command(const Recording& r, long joint) { return is_logged(r.qcmd, joint); }
 
 /// Rows in which the joint's drive is off.
 std::size_t count_off(const Recording& r, int joint) {
@@ -201,6 +204,17 @@ void hold_without_commands(const std::vector<MotionStretch>& stretches,
                             return m.command && m.command->supply(e.joints.front(), 0.0) > 0.0;
                           }));
   }
+  for (FitParameter& p : layout.linear) {
+    if (p.effect < 0) continue;
+    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
+    const int j = e.joints.front();
+    p.fixed =
+        p.fixed || (e.info().has(Trait::kFedForward) &&
+                    std::ranges::none_of(stretches, [&](const MotionStretch& m) {
+                      return m.command && (p.name.ends_with(".share") ? m.command->has_torque(j)
+                                                                      : m.command->has_velocity(j));
+                    }));
+  }
   for (std::size_t e = 0; e < layout.effects.size(); ++e) {
     const BoundEffect& drive = layout.effects[e];
     if (!drive.info().has(Trait::kReadsCommand)) continue;
@@ -233,7 +247,7 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
                 std::vector<std::string>& notes) {
   const std::vector<Recording> sample = train.sample();
   const std::vector<std::string> joints = joint_names(model);
-  std::vector<std::string> led, effects, damped;
+  std::vector<std::string> led, effects, damped, fed;
   // Beside a torque that is known, a joint without one is prescribed.
   if (has_torque(train) || std::ranges::any_of(sample, [](const Recording& r) {
         return !r.info.passive.empty();
@@ -258,6 +272,18 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
       damped.push_back(joints[j]);
     for (const char* effect : {"position_servo", "armature", "coulomb_friction", "torque_offset"})
       effects.push_back(std::string(effect) + "@" + joints[j]);
+    if (std::ranges::none_of(sample, [&](const Recording& r) {
+          return is_logged(r.qdcmd, static_cast<long>(j)) ||
+                 is_logged(r.taucmd, static_cast<long>(j));
+        }))
+      continue;
+    effects.push_back("feed_forward@" + joints[j]);
+    if (options.choice.effects && !is_asked_for(options.choice, "feed_forward"))
+      fed.push_back(joints[j]);
+    else if (std::ranges::none_of(model.effects, [&](const EffectSpec& e) {
+               return e.effect == "feed_forward" && e.where == joints[j];
+             }))  // until a log says otherwise, drives give the torque that they are told
+      model.effects.push_back({"feed_forward", joints[j], {{"share", 1.0, ""}}});
   }
   if (led.empty()) return false;
   require_commands(describe_joints(model), sample);
@@ -265,6 +291,11 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
     notes.push_back("viscous friction of the description at " + detail::join(damped) +
                     " is where the damping of the drives there begins: a drive that is always on "
                     "does not tell the two apart");
+  if (!fed.empty())
+    notes.push_back(kWarning +
+                    ("drives were told velocities or torques beside positions (qdcmd_, "
+                     "taucmd_) at " +
+                     detail::join(fed) + ", which do nothing here: add feed_forward to --effects"));
   options.loss = Loss::kMotion;
   if (!options.choice.effects) options.choice.effects = effects;
   if (options.choice.fit == FitChoice{}.fit) std::erase(options.choice.fit, "inertia");

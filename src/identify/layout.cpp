@@ -93,7 +93,7 @@ void add_effect(const BoundEffect& effect, bool fixed, bool fix_shapes, double p
     p.prior = effect.parameters[k];
     if (hides_motor(effect))  // its size is a shape
       p.fixed = fixed || !fits_of_gear(info);
-    else if (effect.info().has(Trait::kOfServo))
+    else if (effect.info().has(Trait::kOfServo) && !info.linear)
       p.fixed = fixed || info.search.empty();
     else
       p.fixed =

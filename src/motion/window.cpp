@@ -74,6 +74,7 @@ CommandPath command_path(const Recording& r) {
   }
   CommandPath out{std::vector<double>(r.time.begin(), r.time.end()), std::move(q), std::move(gain)};
   out.set_supply(supply_of(r));
+  out.set_feed_forward(r.qdcmd, r.taucmd);
   return out;
 }
 

@@ -48,10 +48,12 @@ std::span<const Unit> units_of(Channel channel) {
     case Channel::kQcmd:
       return kPositionUnits;
     case Channel::kQd:
+    case Channel::kQdcmd:
       return kVelocityUnits;
     case Channel::kQdd:
       return kAccelerationUnits;
     case Channel::kTau:
+    case Channel::kTaucmd:
       return kTorqueUnits;
     case Channel::kBall:
     case Channel::kBasePosition:
@@ -171,6 +173,10 @@ const char* channel_name(Channel channel) {
       return "acceleration";
     case Channel::kQcmd:
       return "desired position";
+    case Channel::kQdcmd:
+      return "desired velocity";
+    case Channel::kTaucmd:
+      return "torque command";
     case Channel::kTau:
       return "torque";
     case Channel::kBall:

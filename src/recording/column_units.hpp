@@ -18,6 +18,8 @@ enum class Channel {
   kQd,
   kQdd,
   kQcmd,
+  kQdcmd,
+  kTaucmd,
   kTau,
   kBall,
   kSpin,

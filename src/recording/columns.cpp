@@ -23,7 +23,8 @@ std::string_view trim(std::string_view s) {
 
 bool is_of_joint(Channel channel) {
   return channel == Channel::kQ || channel == Channel::kQd || channel == Channel::kQdd ||
-         channel == Channel::kQcmd || channel == Channel::kTau;
+         channel == Channel::kQcmd || channel == Channel::kQdcmd || channel == Channel::kTaucmd ||
+         channel == Channel::kTau;
 }
 
 /// Names are compared one by one, and a row takes eight bytes a column however short its cells are.
@@ -47,10 +48,9 @@ struct Prefix {
   const char* text;
   Channel channel;
 };
-constexpr Prefix kJointPrefixes[] = {{"q_", Channel::kQ},
-                                     {"qd_", Channel::kQd},
-                                     {"qdd_", Channel::kQdd},
-                                     {"qcmd_", Channel::kQcmd},
+constexpr Prefix kJointPrefixes[] = {{"q_", Channel::kQ},         {"qd_", Channel::kQd},
+                                     {"qdd_", Channel::kQdd},     {"qcmd_", Channel::kQcmd},
+                                     {"qdcmd_", Channel::kQdcmd}, {"taucmd_", Channel::kTaucmd},
                                      {"tau_", Channel::kTau}};
 
 /// The axis that a column is of, if it is one of those. Columns of a base are such where a
@@ -204,10 +204,12 @@ double largest_credible(Channel channel) {
     case Channel::kQcmd:
       return 1e6;  // a wheel that was never reset
     case Channel::kQd:
+    case Channel::kQdcmd:
       return 1e6;
     case Channel::kQdd:
       return 1e9;
     case Channel::kTau:
+    case Channel::kTaucmd:
       return 1e8;
     case Channel::kBall:
     case Channel::kBasePosition:

@@ -29,7 +29,9 @@ struct RecordingReader::Impl {
     if (!header.extra_names.empty())
       report.notes.push_back("columns that are not of the format are kept as extra channels: " +
                              detail::join_or_none(header.extra_names));
-    for (const Channel c : {Channel::kQd, Channel::kQdd, Channel::kQcmd}) note_missing(c);
+    for (const Channel c :
+         {Channel::kQd, Channel::kQdd, Channel::kQcmd, Channel::kQdcmd, Channel::kTaucmd})
+      note_missing(c);
   }
 
   void note_missing(Channel channel) {

@@ -35,6 +35,8 @@ std::vector<OutColumn> columns_of(const Recording& r) {
   add_joints("qd_", r.qd, false);
   add_joints("qdd_", r.qdd, false);
   add_joints("qcmd_", r.qcmd, false);
+  add_joints("qdcmd_", r.qdcmd, false);
+  add_joints("taucmd_", r.taucmd, false);
   add_joints("tau_", r.tau, true);
   for (const detail::AxisColumns& of : detail::kAxisColumns) {
     const RowMatX<double>& m = r.*of.series;

@@ -84,8 +84,7 @@ void merge_followers(const std::vector<JointDescription>& joints, Recording& r,
   std::vector<int> kept;
   for (int k = 0; k < r.num_joints(); ++k)
     if (std::ranges::find(merged, k) == merged.end()) kept.push_back(k);
-  for (auto member :
-       {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau}) {
+  for (const auto member : kJointSeries) {
     RowMatX<double>& m = r.*member;
     if (m.size() > 0) m = RowMatX<double>(m(Eigen::all, kept));
   }

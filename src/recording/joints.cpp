@@ -32,8 +32,7 @@ void match_joints(const std::vector<JointDescription>& joints, std::vector<Recor
                       detail::join_or_none(r.joint_names) +
                       "; model: " + detail::join_or_none(wanted) +
                       "; --lock JOINT=VALUE (lock=) holds a joint of the model that is not logged");
-    for (auto member :
-         {&Recording::q, &Recording::qd, &Recording::qdd, &Recording::qcmd, &Recording::tau}) {
+    for (const auto member : kJointSeries) {
       RowMatX<double>& m = r.*member;
       if (m.size() > 0) m = RowMatX<double>(m(Eigen::all, from));
     }

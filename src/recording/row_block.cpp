@@ -50,6 +50,12 @@ Recording recording_of_rows(std::span<const double> values, const Columns& heade
       case Channel::kQcmd:
         target(r.qcmd, n).col(c.index) = x;
         break;
+      case Channel::kQdcmd:
+        target(r.qdcmd, n).col(c.index) = x;
+        break;
+      case Channel::kTaucmd:
+        target(r.taucmd, n).col(c.index) = x;
+        break;
       case Channel::kTau:
         if (r.has_tau[c.index]) r.tau.col(c.index) = x;
         break;

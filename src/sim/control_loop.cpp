@@ -75,17 +75,21 @@ std::vector<Joint> joints_of(const Model& robot, const RecordOptions& o) {
   return out;
 }
 
-/// Commands of the rows, which drives with a loop of their own hold in between.
+/// Commands of the rows, velocities included, which drives with a loop of their own hold in
+/// between.
 CommandPath commands_of(Reference reference, const Trajectory& t, long rows, double rate, long n) {
   std::vector<double> time;
-  RowMatX<double> q(rows, n);
+  RowMatX<double> q(rows, n), qd(rows, n);
   VecX<double> at(n), velocity(n);
   for (long k = 0; k < rows; ++k) {
     time.push_back(static_cast<double>(k) / rate);
     reference.sample(t.time[0] + time.back(), at, velocity);
     q.row(k) = at;
+    qd.row(k) = velocity;
   }
-  return {std::move(time), std::move(q), VecX<double>::Ones(n)};
+  CommandPath out{std::move(time), std::move(q), VecX<double>::Ones(n)};
+  out.set_feed_forward(std::move(qd), {});
+  return out;
 }
 
 /// What the log, not the encoder, does to the motion: filtered velocities, a clock that is late.
@@ -177,6 +181,10 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   r.q.resize(rows, n);
   if (log_velocity) r.qd.resize(rows, n);
   r.qcmd.resize(rows, n);
+  const bool fed = std::ranges::any_of(robot.effects, [](const EffectSpec& e) {
+    return find_effect(e.effect).has(Trait::kFedForward);
+  });
+  if (fed) r.qdcmd.resize(rows, n);
   r.tau.resize(rows, n);
   r.info.torque_side = TorqueSide::kMotor;
   r.info.torque_sampling = TorqueSampling::kHold;
@@ -235,6 +243,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
     }
     if (r.base.size() > 0) r.base.row(row) = seen_pose(plant.base(), o, markers).transpose();
     r.qcmd.row(row) = qcmd;
+    if (fed) r.qdcmd.row(row) = qdcmd;
     VecX<double> acting = u;
     for (int j = 0; j < n && o.actuation_noise > 0.0; ++j)
       if (!joints[j].passive && !joints[j].led)
@@ -246,6 +255,7 @@ SimulatedRecording run_control_loop(Plant& plant, const Model& robot, const Mode
   r.q.conservativeResize(row, n);
   if (log_velocity) r.qd.conservativeResize(row, n);
   r.qcmd.conservativeResize(row, n);
+  if (fed) r.qdcmd.conservativeResize(row, n);
   r.tau.conservativeResize(row, n);
   if (r.ball.size() > 0) r.ball.conservativeResize(row, 3);
   if (r.base.size() > 0) r.base.conservativeResize(row, 7);

@@ -344,7 +344,7 @@ void ModelPlant::slope(double share, const VecX<double>& z, VecX<double>& dz) {
     led.qd = rates.data();
     led.command = &*commands_;
     led.step = {time_, time_ + step_};
-    for (const std::vector<BoundEffect>* list : {&servos_, &integrators_})
+    for (const std::vector<BoundEffect>* list : {&servos_, &laws_, &integrators_})
       for (const BoundEffect& e : *list) add_torque(e, led, e.parameters.data(), torques.data());
     at_motors += torques.head(n_);
     dz.tail(sums) = -torques.tail(sums);

@@ -150,8 +150,8 @@ SimulatedRecording averaged(const std::vector<SimulatedRecording>& repetitions) 
     }
     x /= static_cast<double>(repetitions.size());
   };
-  for (const auto channel :
-       {&Recording::q, &Recording::qd, &Recording::qcmd, &Recording::tau, &Recording::ball})
+  for (const auto channel : {&Recording::q, &Recording::qd, &Recording::qcmd, &Recording::qdcmd,
+                             &Recording::tau, &Recording::ball})
     average(channel);
   mean.time.conservativeResize(rows);
   for (std::size_t k = 1; k < repetitions.size(); ++k) {

@@ -125,7 +125,8 @@ std::pair<double, double> by_hand(const std::string& name, const State& x) {
     return {a * tau, 0.0};
   }
   // Nothing is commanded: a drive is off.
-  if (name == "position_servo" || name == "supply_sag" || name == "integral_action")
+  if (name == "position_servo" || name == "supply_sag" || name == "integral_action" ||
+      name == "feed_forward")
     return {0.0, 0.0};
   FAIL("no hand-written formula for " << name);
   return {};

@@ -29,7 +29,7 @@ struct Taken {
 Taken taken(const CommandPath& path, double time, double delay, const SimulationStep& step) {
   JetD late(delay), speed(0.0);
   late.v[0] = speed.v[1] = 1.0;
-  const JetD q = path.made_of(0, time, late, speed, step, [](const JetD& c) { return c; });
+  const JetD q = path.made_of(0, time, late, speed, step, [](const JetD& c, long) { return c; });
   return {q.a, q.v[0], q.v[1]};
 }
 

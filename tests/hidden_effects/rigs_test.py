@@ -65,6 +65,7 @@ def test_every_joint_effect_of_the_catalogue_is_a_family(rigs: Path) -> None:
         "residual",
         "position_servo",  # makes the torque, which these recordings measure
         "integral_action",  # parts of its law
+        "feed_forward",
         "supply_sag",
     }
     assert of_joints <= set(families(rigs))

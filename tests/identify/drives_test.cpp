@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <utility>
 
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
@@ -23,6 +24,9 @@ struct Bench {
   double armature = 0.02, coulomb = 0.08;
   double load = 0.0;  // share of the torque at the arm that friction takes
   std::function<double(double)> supply;  // over time [s], [V]; nominal: 7.4; empty: not logged
+  /// Velocity and torque told beside positions, over time [s]; empty: none.
+  std::function<double(double)> velocity, torque;
+  double velocity_gain = 0.3;  // of the velocity
 
   Model model() const { return test::servo_bench(mass, length, inertia); }
 
@@ -67,9 +71,12 @@ struct Bench {
     r.run = run;
     r.info.controller = {{"servo", "gain", gain}};
     if (supply) r.extra.push_back({"voltage [mV]", VecX<double>(rows)});
+    if (velocity) r.qdcmd.resize(rows, 1);
+    if (torque) r.taucmd.resize(rows, 1);
     const double step = 2.0 * M_PI / 4096.0, J = inertia + mass * length * length;
     double q = begin, v = 0.0, setpoint = told(0.0);
-    std::vector<double> past(static_cast<std::size_t>(std::lround(delay / h)), setpoint);
+    const std::size_t late_by = static_cast<std::size_t>(std::lround(delay / h));
+    std::vector<double> past(late_by, setpoint), fed_past(late_by, 0.0);
     std::size_t oldest = 0;
     for (long k = 0; k < rows; ++k) {
       const double t = row * static_cast<double>(k), c = told(t);
@@ -77,14 +84,19 @@ struct Bench {
       r.q(k, 0) = step * std::round(q / step);
       r.qcmd(k, 0) = c;
       if (supply) r.extra[0].values[k] = 1e3 * supply(t);
+      if (velocity) r.qdcmd(k, 0) = velocity(t);
+      if (torque) r.taucmd(k, 0) = torque(t);
+      const double fed =
+          (velocity ? velocity_gain * velocity(t) : 0.0) + (torque ? torque(t) : 0.0);
       for (int i = 0; i < kFine; ++i) {
         setpoint += std::clamp(c - setpoint, -speed * h, speed * h);
         const double late = past[oldest];
         past[oldest] = setpoint;
+        const double late_fed = std::exchange(fed_past[oldest], fed);
         oldest = (oldest + 1) % past.size();
         const double strength = supply ? supply(t + i * h) / 7.4 : 1.0;
-        const double drive =
-            strength * stiffness * std::clamp(gain * (late - q), -reach, reach) - damping * v;
+        const double drive = strength * stiffness * std::clamp(gain * (late - q), -reach, reach) -
+                             damping * v + late_fed;
         v = after(v, drive, mass * 9.81 * length * std::sin(q), J, h);
         q += h * v;
       }
@@ -138,6 +150,43 @@ TEST_CASE("identify: a servo's law from commands and positions alone, runs of tw
   CHECK(result.errors[0].test < 1.5e-3);  // an encoder's step
   CHECK(result.errors[0].nominal_test > 0.1);
   CHECK(result.notes.front().find("no torque was recorded at servo") != std::string::npos);
+}
+
+TEST_CASE("identify: a drive that is told velocities and torques beside positions", "[identify]") {
+  Bench bench;
+  bench.reach = bench.speed = 1e3;
+  bench.velocity = [](double t) { return 2.0 * std::cos(2.0 * t); };
+  bench.torque = [](double t) { return 0.4 * (std::fmod(t, 1.3) < 0.6 ? 1.0 : -0.7); };
+  const auto told = [](double t) { return std::sin(2.0 * t); };
+  const std::vector<Recording> train{bench.record(told, 1.0, 8.0, 0)};
+  Bench other = bench;
+  other.torque = [](double t) { return 0.3 * (std::fmod(t, 0.9) < 0.3 ? -1.0 : 1.0); };
+  const std::vector<Recording> test{other.record(told, 1.0, 8.0, 0)};
+  const IdentifyResult result = identify(bench.model(), train, test);
+  for (const auto& [name, is] : {std::pair{"position_servo.stiffness", bench.stiffness},
+                                 {"position_servo.damping", bench.damping},
+                                 {"position_servo.delay", bench.delay},
+                                 {"feed_forward.damping", bench.velocity_gain},
+                                 {"feed_forward.share", 1.0},
+                                 {"armature.armature", bench.armature}}) {
+    const ParameterEstimate& e = test::estimate(result, name);
+    CAPTURE(name, is, e.value, e.std);
+    CHECK(std::abs(e.value - is) < 0.05 * is);
+  }
+  CHECK(result.errors[0].test < 1.5e-3);  // an encoder's step
+  // One that does not know of the torque is told what it leaves out.
+  IdentifyOptions options;
+  options.choice.effects = {"position_servo", "armature", "coulomb_friction"};
+  const IdentifyResult without = identify(bench.model(), train, test, options);
+  CHECK(without.errors[0].test > 10.0 * result.errors[0].test);
+  CHECK(says(without, "add feed_forward to --effects"));
+  // Where none was logged, nothing of it is in the model.
+  Bench plain = bench;
+  plain.velocity = plain.torque = {};
+  const IdentifyResult of_plain =
+      identify(plain.model(), {plain.record(1.0, 1.5, 1.0, 6.0, 0)}, {});
+  CHECK(std::ranges::none_of(of_plain.model.effects,
+                             [](const EffectSpec& e) { return e.effect == "feed_forward"; }));
 }
 
 TEST_CASE("identify: a drive that follows the supply that was logged", "[identify]") {

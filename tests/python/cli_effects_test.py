@@ -12,7 +12,7 @@ def test_effects_are_listed_for_people_and_programs() -> None:
     listed = json.loads(done("effects", "--json"))
     assert listed["schema"] == "diffnea/effects/1"
     effects = {e["effect"]: e for e in listed["effects"]}
-    assert len(effects) == 54
+    assert len(effects) == 55
     lag = effects["actuator_lag"]
     assert lag["acts_on"] == "torque with memory"
     assert [(p["name"], p["unit"]) for p in lag["parameters"]] == [("time_constant", "s")]

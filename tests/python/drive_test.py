@@ -54,6 +54,20 @@ def test_a_supply_that_sags(tmp_path: Path) -> None:
     assert_allclose(drive(0.1, [9.0], [0.0], [0.2]), [4.0 * 0.5 - 0.3 * 0.2])  # the nominal one
 
 
+def test_what_is_told_beside_positions(tmp_path: Path) -> None:
+    model = swing(tmp_path, delay=0.02)
+    fed = diffnea.Effect("feed_forward", model.joint_names[0], {"damping": 0.5, "share": 0.9})
+    drive = diffnea.Drive(model.with_effects([*model.effects, fed]))
+    at_rest = {"q": [0.0], "qd": [0.0]}
+    assert_allclose(drive(0.0, [0.0], **at_rest, velocity=[1.0], torque=[2.0]), [0.5 + 1.8])
+    assert_allclose(drive(0.01, [0.0], **at_rest, velocity=[3.0]), [0.5 + 1.8])  # late
+    assert_allclose(drive(0.03, [0.0], **at_rest), [1.5])
+    assert_allclose(drive(0.04, [NAN], **at_rest, torque=[2.0]), [0.0])
+    # Without the effect they do nothing.
+    plain = diffnea.Drive(swing(tmp_path))
+    assert_allclose(plain(0.0, [0.0], **at_rest, velocity=[1.0], torque=[2.0]), [0.0])
+
+
 def test_an_integral(tmp_path: Path) -> None:
     model = swing(tmp_path, reach=0.5)
     rate = diffnea.Effect("integral_action", model.joint_names[0], {"rate": 2.0})

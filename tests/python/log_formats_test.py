@@ -203,9 +203,9 @@ def write_trajectories(path: Path) -> Path:
     def point(seconds: float, value: float) -> Any:
         return kinds["trajectory_msgs/msg/JointTrajectoryPoint"](
             positions=np.array([value]),
-            velocities=none,
+            velocities=np.array([10.0 * value]),
             accelerations=none,
-            effort=none,
+            effort=np.array([-value]),
             time_from_start=kinds["builtin_interfaces/msg/Duration"](0, int(seconds * 1e9)),
         )
 
@@ -232,6 +232,8 @@ def test_points_of_a_trajectory_are_commands_at_their_times(tmp_path: Path) -> N
     run = diffnea.read_recording(write_trajectories(tmp_path / "mcap"), command_topic="/plan")
     expected = np.where(TIME < 0.1 - 1e-9, np.nan, np.where(TIME < 0.2 - 1e-9, 1.0, 2.0))
     np.testing.assert_array_equal(run.qcmd[:, 0], expected)
+    np.testing.assert_array_equal(run.qdcmd[:, 0], 10.0 * expected)
+    np.testing.assert_array_equal(run.taucmd[:, 0], -expected)
 
 
 def test_the_command_reads_what_python_reads(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@
 #include <diffnea/effects/dry_drag.hpp>
 #include <diffnea/effects/encoder_offset.hpp>
 #include <diffnea/effects/encoder_scale.hpp>
+#include <diffnea/effects/feed_forward.hpp>
 #include <diffnea/effects/gravity_scale.hpp>
 #include <diffnea/effects/integral_action.hpp>
 #include <diffnea/effects/joint_elasticity.hpp>
@@ -83,6 +84,7 @@ using EffectVariant = std::variant<  //
     DryDrag,                         //
     EncoderOffset,                   //
     EncoderScale,                    //
+    FeedForward,                     //
     GravityScale,                    //
     IntegralAction,                  //
     JointElasticity,                 //

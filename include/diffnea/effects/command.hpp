@@ -52,6 +52,8 @@ class CommandPath {
     out.is_on_ = is_on_.middleCols(first, count);
     out.told_ = told_.middleCols(first, count);
     if (supply_.size() > 0) out.supply_ = supply_.middleCols(first, count);
+    if (velocity_.size() > 0) out.velocity_ = velocity_.middleCols(first, count);
+    if (torque_.size() > 0) out.torque_ = torque_.middleCols(first, count);
     for (long k = 0; k < told_.rows(); ++k)
       out.way_.insert(out.way_.end(), &way(k, first), &way(k, first) + count);
     out.laws_.assign(laws_.begin() + first, laws_.begin() + first + count);
@@ -76,6 +78,28 @@ class CommandPath {
       for (long g = last + 1; last >= 0 && g < supply_.rows(); ++g)
         supply_(g, j) = supply_(last, j);
     }
+  }
+
+  /// Adds what the drives were told beside positions, held like these.
+  /// @param velocity  (N, n) [rad/s] or [m/s]  @param torque  (N, n) [N·m] or [N]; NaN: none;
+  /// either may be empty
+  void set_feed_forward(RowMatX<double> velocity, RowMatX<double> torque) {
+    const auto without_gaps = [](const RowMatX<double>& x) -> RowMatX<double> {
+      return (x.array() == x.array()).select(x, 0.0);
+    };
+    velocity_ = without_gaps(velocity);
+    torque_ = without_gaps(torque);
+  }
+  /// Tells whether a drive was ever told a velocity.
+  bool has_velocity(int joint) const {
+    return velocity_.size() > 0 && !velocity_.col(joint).isZero(0.0);
+  }
+  /// Tells whether a drive was ever told a torque.
+  bool has_torque(int joint) const { return torque_.size() > 0 && !torque_.col(joint).isZero(0.0); }
+  /// Sets what a joint's drive makes of them. @param damping, share  as feed_forward has them
+  void feed_forward(int joint, double damping, double share) {
+    law(joint).damping = damping;
+    law(joint).fed_share = share;
   }
 
   /// Supply of a joint's drive [V], a straight line between two rows; NaN: it was not logged.
@@ -130,9 +154,12 @@ class CommandPath {
   void add_copies(const std::vector<int>& joints) {
     const long n = told_.cols(), more = static_cast<long>(joints.size());
     if (more == 0) return;
-    if (supply_.size() > 0) supply_.conservativeResize(Eigen::NoChange, n + more);
-    for (long k = 0; k < more && supply_.size() > 0; ++k)
-      supply_.col(n + k) = supply_.col(joints[static_cast<std::size_t>(k)]);
+    for (RowMatX<double>* logged : {&supply_, &velocity_, &torque_}) {
+      if (logged->size() == 0) continue;
+      logged->conservativeResize(Eigen::NoChange, n + more);
+      for (long k = 0; k < more; ++k)
+        logged->col(n + k) = logged->col(joints[static_cast<std::size_t>(k)]);
+    }
     laws_.resize(static_cast<std::size_t>(n + more));
     told_.conservativeResize(Eigen::NoChange, n + more);
     is_on_.conservativeResize(Eigen::NoChange, n + more);
@@ -192,13 +219,13 @@ class CommandPath {
   /// @param time   [s], within the step, if there is one
   /// @param delay  of the commands [s]
   /// @param speed  that limit_speed() had
-  /// @param law    what the drive makes of one setpoint [rad] or [m]: T -> T
+  /// @param law    what the drive makes of one setpoint [rad] or [m], told in a row: (T, long) -> T
   template <Scalar T, class Law>
   T made_of(int joint, double time, const T& delay, const T& speed, const SimulationStep& step,
             const Law& law) const {
     const double late = value_part(delay), h = step.to - step.from;
     const auto of = [&](const Setpoint& c) {
-      return T(law(T(c.q) + T(c.by_speed) * (speed - T(value_part(speed)))));
+      return T(law(T(c.q) + T(c.by_speed) * (speed - T(value_part(speed))), c.row));
     };
     if (!(h > 0.0)) return of(setpoint(row(time - late), joint, time - late));
     const double from = step.from - late, to = step.to - late, middle = 0.5 * (from + to);
@@ -226,6 +253,25 @@ class CommandPath {
     return T(1.0 / h) * area + T(slope) * moment + T(value_part(by_delay)) * (delay - T(late));
   }
 
+  /// Torque that a drive makes of the velocity and the torque it is told, by these gains.
+  template <Scalar T>
+  T fed(int joint, double time, const T& delay, const SimulationStep& step, const T& damping,
+        const T& share) const {
+    return made_of(joint, time, delay, T(0.0), step, [&](const T&, long row) {
+      T out(0.0);
+      if (velocity_.size() > 0) out = out + damping * T(velocity_(row, joint));
+      if (torque_.size() > 0) out = out + share * T(torque_(row, joint));
+      return out;
+    });
+  }
+  /// The same by the gains that feed_forward() had.
+  template <Scalar T>
+  T fed(int joint, double time, const T& delay, const SimulationStep& step) const {
+    return fed(joint, time, delay, step, T(law(joint).damping), T(law(joint).fed_share));
+  }
+  /// Tells whether feed_forward() had gains other than 0.
+  bool is_fed(int joint) const { return law(joint).damping != 0.0 || law(joint).fed_share != 0.0; }
+
  private:
   /// How the setpoint goes to what it is told in one row.
   struct Way {
@@ -237,6 +283,7 @@ class CommandPath {
   /// Setpoint and its derivative over the speed.
   struct Setpoint {
     double q = 0.0, by_speed = 0.0;
+    long row = 0;  ///< in which it was told
   };
   static constexpr std::size_t kServo = 6;  ///< parameters of position_servo
   /// Law of a joint's drive.
@@ -247,6 +294,7 @@ class CommandPath {
     int integrator = -1;   ///< degree of freedom
     int sums = -1;         ///< joint, of an integrator
     double rate = 0.0;     ///< weight of the integral [1/s]
+    double damping = 0.0, fed_share = 0.0;  ///< of feed_forward
   };
 
   Law& law(int joint) { return laws_[static_cast<std::size_t>(joint)]; }
@@ -265,8 +313,8 @@ class CommandPath {
   Setpoint setpoint(long k, int joint, double t) const {
     const Way& w = way(k, joint);
     const double since = std::max(t - time_[static_cast<std::size_t>(k)], 0.0);
-    if (!(since < w.takes)) return {told_(k, joint), 0.0};
-    return {told_(k, joint) - w.rate * (w.takes - since), w.by_speed + w.side * since};
+    if (!(since < w.takes)) return {told_(k, joint), 0.0, k};
+    return {told_(k, joint) - w.rate * (w.takes - since), w.by_speed + w.side * since, k};
   }
 
   /// Adds what a value of some duration [s], so long after the middle [s], has of both integrals.
@@ -314,6 +362,7 @@ class CommandPath {
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> is_on_;
   RowMatX<double> told_;    ///< (N, n)
   RowMatX<double> supply_;  ///< (N, n) [V]; empty: not logged
+  RowMatX<double> velocity_, torque_;  ///< (N, n) told beside told_; empty: none
   std::vector<Way> way_;    ///< (N, n)
   std::vector<Law> laws_;   ///< (n)
   VecX<double> gain_;

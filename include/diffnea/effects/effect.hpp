@@ -132,6 +132,7 @@ enum class Port {
 enum class Trait : std::uint32_t {
   kReadsCommand,       ///< it reads x.command: without it there is no torque
   kOfServo,            ///< part of the law of a drive that reads commands: no such drive, no torque
+  kFedForward,         ///< it adds what was told beside positions: without a log of that, nothing
   kReadsSupply,        ///< it reads the supply that was logged, from its parameter `nominal` on
   kIntegrates,         ///< its joint's drive has an integrator, a state of simulated runs
   kReadsTime,          ///< the torque changes with x.time: without the rows' time there is none

@@ -82,7 +82,7 @@ struct PositionServo {
   static T pull(const CommandPath& command, int joint, double time, const SimulationStep& step,
                 const T& read, const T& integral, const T* p) {
     const T gain(command.gain(joint));
-    return p[0] * command.made_of(joint, time, p[2], p[5], step, [&](const T& told) {
+    return p[0] * command.made_of(joint, time, p[2], p[5], step, [&](const T& told, long) {
       const T out = asked(T(gain * (told - read)), integral, p);
       return select(out > p[3], p[3], select(out < -p[3], T(-p[3]), out));
     });
@@ -94,11 +94,22 @@ struct PositionServo {
   static T summed(const CommandPath& command, int joint, double time, const SimulationStep& step,
                   const T& read, const T& integral, const T* p) {
     const T gain(command.gain(joint));
-    return command.made_of(joint, time, p[2], p[5], step, [&](const T& told) {
+    return command.made_of(joint, time, p[2], p[5], step, [&](const T& told, long) {
       const T error = gain * (told - read), out = asked(error, integral, p);
       const bool on = value_part(out) * value_part(error) > 0.0;
       return on && (out > p[3] || out < -p[3]) ? T(0.0) : error;
     });
+  }
+
+  /// Derivative by the delay of what feed_forward adds; its value is 0.
+  template <Scalar T>
+  static T by_delay_of_the_rest(const JointSample<T>& x, int joint, const T& delay) {
+    if constexpr (requires { delay.v; })
+      if (x.command->is_fed(joint)) {
+        const T fed = x.command->fed(joint, x.time, delay, x.step);
+        return fed - T(value_part(fed));
+      }
+    return T(0.0);
   }
 
   template <Scalar T>
@@ -112,8 +123,9 @@ struct PositionServo {
       const T integral =
           integrator < 0 ? T(0.0) : T(T(x.command->integral_rate(j)) * x.qd[integrator]);
       if (sums < 0)
-        tau[j] += p[1] * x.qd[j] - T(x.command->strength(j, x.time)) *
-                                       pull(*x.command, j, x.time, x.step, read, integral, p);
+        tau[j] += p[1] * x.qd[j] - by_delay_of_the_rest(x, j, p[2]) -
+                  T(x.command->strength(j, x.time)) *
+                      pull(*x.command, j, x.time, x.step, read, integral, p);
       else  // its inertia is 1: this is its acceleration
         tau[*joint] -= summed(*x.command, j, x.time, x.step, read, integral, p);
     }

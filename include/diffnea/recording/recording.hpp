@@ -65,6 +65,8 @@ struct Recording {
   RowMatX<double> qd;                    ///< (N, n), measured; empty if not
   RowMatX<double> qdd;                   ///< (N, n), measured; empty if not
   RowMatX<double> qcmd;                  ///< (N, n), desired position; empty if not
+  RowMatX<double> qdcmd;                 ///< (N, n), desired velocity beside it; empty if not
+  RowMatX<double> taucmd;  ///< (N, n) [N·m] or [N], torque asked for beside both; empty if not
   /// (N, n) [N·m] or [N]. Where has_tau is false: NaN (unknown) at a prescribed joint, 0 (known) at
   /// a passive one; simulations leave NaN there, too, until match_joints().
   RowMatX<double> tau;
@@ -91,8 +93,12 @@ struct Recording {
 
 /// Members with a row an instant, of one column a joint or axis; empty where not measured.
 inline constexpr std::array kSeries{
-    &Recording::q,          &Recording::qd,         &Recording::qdd,  &Recording::qcmd,
-    &Recording::tau,        &Recording::ball,       &Recording::spin, &Recording::base,
-    &Recording::base_twist, &Recording::base_wrench};
+    &Recording::q,     &Recording::qd,     &Recording::qdd,        &Recording::qcmd,
+    &Recording::qdcmd, &Recording::taucmd, &Recording::tau,        &Recording::ball,
+    &Recording::spin,  &Recording::base,   &Recording::base_twist, &Recording::base_wrench};
+/// Those of one column a joint.
+inline constexpr std::array kJointSeries{&Recording::q,    &Recording::qd,    &Recording::qdd,
+                                         &Recording::qcmd, &Recording::qdcmd, &Recording::taucmd,
+                                         &Recording::tau};
 
 }  // namespace diffnea

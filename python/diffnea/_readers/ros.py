@@ -167,7 +167,7 @@ def _table(
             elif key == "tau":
                 silent.append(joint)
     desired = ros_commands.held(commands, joints, stamps[rows])
-    columns |= {f"qcmd_{joint}": values for joint, values in desired.items()}
+    columns |= desired
     notes = [
         f"{where}: {len(rows)} rows of {len(messages.stamps)} messages; time 0 is "
         f"{first // 10**9}.{first % 10**9:09d} s of the {selection.clock}'s clock"
@@ -175,7 +175,7 @@ def _table(
     if messages.skipped:
         notes.append(f"{messages.skipped} messages without a position are left out")
     if commands:
-        without = [joint for joint in joints if joint not in desired]
+        without = [joint for joint in joints if f"qcmd_{joint}" not in desired]
         notes.append(
             f"{len(commands)} commands of topic {selection.command_topic}, each held until the next"
             + (f"; none is of {', '.join(without)}" if without else "")

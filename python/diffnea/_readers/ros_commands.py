@@ -1,4 +1,4 @@
-"""Commands of a ROS bag, which come on a topic of their own: q desired, held until the next one."""
+"""Commands of a ROS bag, which come on a topic of their own, each held until the next one."""
 
 from __future__ import annotations
 
@@ -14,24 +14,30 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Types whose messages command positions, by the name of each joint.
 TYPES = (JOINT_STATE, "trajectory_msgs/msg/JointTrajectory")
 
-_Events = list[tuple[int, dict[str, float]]]
+#: Fields of a command beside positions, and the series that they are.
+_BESIDE = {"velocity": "qdcmd", "velocities": "qdcmd", "effort": "taucmd"}
+
+_SERIES = ("qdcmd", "taucmd")
+
+#: Times [ns] and values by column.
+Events = list[tuple[int, dict[str, float]]]
 
 
 def collect(
     where: str, messages: Iterator[tuple[str, int, Any]], message_type: str, clock: str
-) -> _Events:
-    """Return times [ns] and positions by joint, in the order of time."""
-    events: _Events = []
+) -> Events:
+    """Return times [ns] and values by column (``qcmd_JOINT`` …), in the order of time."""
+    events: Events = []
     for _, received, message in messages:
         stamp = message.header.stamp
         header = int(stamp.sec) * 10**9 + int(stamp.nanosec)
         at = header if clock == "header" and header else received
         if message_type == JOINT_STATE:
-            events.append((at, _positions(where, message.name, message.position)))
+            events.append((at, _values(where, message.name, message, "position")))
             continue
         for point in message.points:
             later = int(point.time_from_start.sec) * 10**9 + int(point.time_from_start.nanosec)
-            events.append((at + later, _positions(where, message.joint_names, point.positions)))
+            events.append((at + later, _values(where, message.joint_names, point, "positions")))
     if not events:
         raise DataError(f"{where}: holds no command")
     events.sort(key=lambda event: event[0])
@@ -39,22 +45,30 @@ def collect(
 
 
 def held(
-    events: _Events, joints: Sequence[str], stamps: NDArray[np.int64]
+    events: Events, joints: Sequence[str], stamps: NDArray[np.int64]
 ) -> dict[str, NDArray[np.float64]]:
-    """Return, of each commanded joint, the command that stood at every stamp; NaN before."""
+    """Return, of each column of these joints, what stood at every stamp; NaN before the first."""
     out = {}
-    for joint in joints:
-        of_joint = [(at, values[joint]) for at, values in events if joint in values]
-        if not of_joint:
+    for column in [f"{series}_{joint}" for joint in joints for series in ("qcmd", *_SERIES)]:
+        of_column = [(at, values[column]) for at, values in events if column in values]
+        if not of_column:
             continue
-        times = np.array([at for at, _ in of_joint], dtype=np.int64)
-        values = np.array([np.nan, *(value for _, value in of_joint)])
-        out[joint] = values[np.searchsorted(times, stamps, side="right")]
+        if not column.startswith("qcmd_") and not any(value for _, value in of_column):
+            continue  # drivers fill what they do not command with zeros
+        times = np.array([at for at, _ in of_column], dtype=np.int64)
+        values = np.array([np.nan, *(value for _, value in of_column)])
+        out[column] = values[np.searchsorted(times, stamps, side="right")]
     return out
 
 
-def _positions(where: str, names: Sequence[str], values: Any) -> dict[str, float]:
-    array = np.asarray(values, dtype=np.float64)
-    if array.size not in (0, len(names)):
-        raise DataError(f"{where}: a command names {len(names)} joints and has {array.size} values")
-    return dict(zip(names, array.tolist(), strict=False)) if array.size else {}
+def _values(where: str, names: Sequence[str], message: Any, positions: str) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for field, series in {positions: "qcmd", **_BESIDE}.items():
+        array = np.asarray(getattr(message, field, ()), dtype=np.float64)
+        if array.size not in (0, len(names)):
+            raise DataError(
+                f"{where}: a command names {len(names)} joints and has {array.size} values"
+            )
+        columns = [f"{series}_{name}" for name in names]
+        out |= dict(zip(columns, array.tolist(), strict=False)) if array.size else {}
+    return out

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .._core import DataError
 
-_OF_JOINTS = ("q", "qd", "qdd", "qcmd", "tau")
+_OF_JOINTS = ("q", "qd", "qdd", "qcmd", "qdcmd", "taucmd", "tau")
 # Series with axes in place of joints: the prefix of their columns, and the axes.
 OF_AXES = {
     "ball": ("ball", ("x", "y", "z")),
