@@ -255,8 +255,8 @@ std::string left_open(const Finding& f) {
   out += next;
   if (!f.refused.empty()) {
     std::vector<std::vector<std::string>> rows;
-    for (const Refusal& r : f.refused)
-      rows.push_back({escape(at(r.effect, r.where)), escape(r.reason), number(r.delta_bic, 3)});
+    for (const RefusedTogether& r : refused_together(f.refused))
+      rows.push_back({escape(r.what), escape(r.reason), number(r.delta_bic, 3)});
     out += element("h3", "Refused") +
            html_table({"candidate", "reason", "ΔBIC"}, rows, {"", "wrap", "n"});
   }

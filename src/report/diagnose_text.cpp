@@ -91,8 +91,8 @@ std::string rest_text(const Finding& f) {
     if (!c.rivals.empty())
       out += "next rival of " + at(c.effect, c.where) + ": " +
              rival_words(c.rivals.front(), c.where) + " in BIC\n";
-  for (const Refusal& r : f.refused)
-    out += "refused: " + at(r.effect, r.where) + ": " + r.reason + "\n";
+  for (const RefusedTogether& r : refused_together(f.refused))
+    out += "refused: " + r.what + ": " + r.reason + "\n";
   std::string absorbed;
   for (std::size_t k = 0; k < std::min(f.absorbed.size(), kMostAbsorbed); ++k)
     absorbed += (k ? ", " : "") + at(f.absorbed[k].effect, f.absorbed[k].where);

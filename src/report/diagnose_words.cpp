@@ -41,6 +41,36 @@ std::string at(const std::string& effect, const std::string& where) {
   return name + (acts ? " on the " : " of the ") + where;
 }
 
+std::vector<RefusedTogether> refused_together(const std::vector<Refusal>& refused) {
+  struct Group {
+    const Refusal* first;
+    std::vector<std::pair<std::string, std::vector<std::string>>> effects;  // and where
+  };
+  std::vector<Group> groups;
+  for (const Refusal& r : refused) {
+    auto group = std::ranges::find_if(groups, [&](const Group& g) {
+      return g.first->reason == r.reason && g.first->delta_bic == 0.0 && r.delta_bic == 0.0;
+    });
+    if (group == groups.end()) group = groups.insert(groups.end(), {&r, {}});
+    auto effect =
+        std::ranges::find(group->effects, r.effect, [](const auto& e) { return e.first; });
+    if (effect == group->effects.end())
+      effect = group->effects.insert(group->effects.end(), {r.effect, {}});
+    if (std::ranges::find(effect->second, r.where) == effect->second.end())
+      effect->second.push_back(r.where);
+  }
+  std::vector<RefusedTogether> out;
+  for (const Group& g : groups) {
+    out.push_back({"", g.first->reason, g.first->delta_bic});
+    for (const auto& [effect, where] : g.effects)
+      out.back().what += (out.back().what.empty() ? "" : ", ") + at(effect, where.front()) +
+                         (where.size() == 2  ? " and " + where.back()
+                          : where.size() > 2 ? " and " + std::to_string(where.size() - 1) + " more"
+                                             : "");
+  }
+  return out;
+}
+
 CauseParameter as_read(const std::string& effect, CauseParameter p) {
   const auto scaled = [&p](double by, const char* unit) {
     for (double* x : {&p.value, &p.std, &p.low, &p.high}) *x *= by;

@@ -15,6 +15,14 @@ std::vector<std::string> fault_warnings(const Finding& f);
 std::string plain(std::string name);
 /// "coulomb friction at elbow", "linear drag on the ball", "string mass"
 std::string at(const std::string& effect, const std::string& where);
+/// Candidates refused for one reason.
+struct RefusedTogether {
+  std::string what, reason;
+  double delta_bic = 0.0;
+};
+/// Refusals in their order, those without evidence, as what was not tried, one for each reason: a
+/// robot has many joints. "actuator lag at hip and 11 more, saturation at hip and 11 more"
+std::vector<RefusedTogether> refused_together(const std::vector<Refusal>& refused);
 /// Whether a place is the ball, its string or the camera, not of the robot.
 bool at_ball(const std::string& where);
 /// With a capital letter (ASCII).

@@ -90,8 +90,7 @@ std::string follows_sentence(const Finding& f) {
   if (m.horizons.empty() || m.joints.empty() || std::isnan(m.base_follows)) return "";
   const std::string shortest = in_seconds(m.horizons.front().horizon);
   const double before = m.base_follows, after = m.extended_follows;
-  if (follows_commands(f) && before >= m.horizons.back().horizon)
-    return off_sentence(f, with_causes(f));
+  if (follows_commands(f)) return off_sentence(f, with_causes(f));
   std::string out = before > 0.0 ? "Your simulation follows the robot for " + followed(m, before) +
                                        " " + within(m.joints)
                                  : "Your simulation does not follow the robot for even " +
