@@ -41,7 +41,7 @@ std::vector<Candidate> candidates_for(const Model& base, const Asked& asked) {
   if (asked) return out;
   std::vector<std::string> of_drives;
   for (const EffectInfo& info : catalogue())
-    // What drives were told beside positions is the base's, if it was logged.
+    // The base has what drives were told beside positions, if that was logged.
     if (info.has(Trait::kOfServo) && !info.has(Trait::kFedForward)) of_drives.push_back(info.name);
   for (Candidate& c : make_candidates(base, base, of_drives, {0}, /*link_side=*/false))
     out.push_back(std::move(c));

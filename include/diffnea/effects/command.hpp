@@ -294,7 +294,7 @@ class CommandPath {
     int integrator = -1;   ///< degree of freedom
     int sums = -1;         ///< joint, of an integrator
     double rate = 0.0;     ///< weight of the integral [1/s]
-    double damping = 0.0, fed_share = 0.0;  ///< of feed_forward
+    double damping = 0.0, fed_share = 0.0;  ///< gains of feed_forward
   };
 
   Law& law(int joint) { return laws_[static_cast<std::size_t>(joint)]; }

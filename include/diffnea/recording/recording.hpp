@@ -96,7 +96,7 @@ inline constexpr std::array kSeries{
     &Recording::q,     &Recording::qd,     &Recording::qdd,        &Recording::qcmd,
     &Recording::qdcmd, &Recording::taucmd, &Recording::tau,        &Recording::ball,
     &Recording::spin,  &Recording::base,   &Recording::base_twist, &Recording::base_wrench};
-/// Those of one column a joint.
+/// Members of one column a joint.
 inline constexpr std::array kJointSeries{&Recording::q,    &Recording::qd,    &Recording::qdd,
                                          &Recording::qcmd, &Recording::qdcmd, &Recording::taucmd,
                                          &Recording::tau};
