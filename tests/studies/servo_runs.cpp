@@ -1,5 +1,5 @@
 /// Study: whole runs of robots whose drives follow commands, simulated in closed loop from the first
-/// state and never reset; mean absolute error of each run, and of all.
+/// state and never reset; mean absolute error [mrad] or [mm] of each joint in each run, and in all.
 ///
 ///     servo_runs MODEL.json RUN.csv...
 ///
@@ -25,8 +25,8 @@ namespace {
 /// Positions that a first state is read from [s].
 constexpr double kBeginning = 0.1;
 
-/// Mean |q̂ − q| of a run over its joints; NaN if the simulation blows up.
-double mean_error(const Model& without_bodies, const Recording& r) {
+/// Mean |q̂ − q| of each joint in a run, (n); NaN if the simulation blows up.
+VecX<double> mean_errors(const Model& without_bodies, const Recording& r) {
   FitChoice choice;
   const Model model = with_held_bodies(without_bodies, {{r.source, r.info, "", ""}}, choice);
   const std::size_t n = static_cast<std::size_t>(r.num_joints());
@@ -38,7 +38,7 @@ double mean_error(const Model& without_bodies, const Recording& r) {
       motion_stretches(r, sensor_noise({r}, passive), passive, commanded);
   std::vector<MotionWindow> windows = cut_windows(stretches, stretches.at(0).length());
   set_measured_states(stretches, kBeginning, windows);
-  double sum = 0.0, count = 0.0;
+  VecX<double> sum = VecX<double>::Zero(static_cast<long>(n)), count = sum;
   for (const MotionWindow& w : windows) {
     const MotionStretch& s = stretches[w.stretch];
     const RowMatX<double> q = simulator.positions(s, w);
@@ -46,11 +46,11 @@ double mean_error(const Model& without_bodies, const Recording& r) {
       for (long j = 0; j < q.cols(); ++j) {
         const double error = q(k, j) - s.q(w.first + k, j);
         if (std::isnan(s.q(w.first + k, j))) continue;
-        sum += std::abs(error);
-        count += 1.0;
+        sum[j] += std::abs(error);
+        count[j] += 1.0;
       }
   }
-  return sum / count;
+  return sum.cwiseQuotient(count);
 }
 
 }  // namespace
@@ -66,15 +66,17 @@ int main(int argc, char** argv) {
     Model model = read_model(argv[1]);
     std::erase_if(model.effects,
                   [](const EffectSpec& e) { return !split_where(e.where).runs.empty(); });
-    double sum = 0.0;
+    VecX<double> sum = VecX<double>::Zero(static_cast<long>(joint_names(model).size()));
     for (int k = 2; k < argc; ++k) {
       Recording r = read_recordings(argv[k], with_sidecar(argv[k], {.joints = describe_joints(model)})).at(0);
       r.run = 0;
-      const double error = mean_error(model, r);
-      std::printf("%8.3f mrad  %s\n", 1e3 * error, r.source.c_str());
-      sum += error;
+      const VecX<double> errors = mean_errors(model, r);
+      for (const double error : errors) std::printf("%10.5f ", 1e3 * error);
+      std::printf(" %s\n", r.source.c_str());
+      sum += errors;
     }
-    std::printf("%8.3f mrad, mean of %d runs\n", 1e3 * sum / (argc - 2), argc - 2);
+    for (const double error : sum) std::printf("%10.5f ", 1e3 * error / (argc - 2));
+    std::printf(" mean of %d runs\n", argc - 2);
   } catch (const Error& e) {
     std::fprintf(stderr, "servo_runs: %s\n", e.what());
     return 1;
