@@ -89,7 +89,8 @@ Smoothed smoothed_position(const std::vector<PosedRow>& rows, const Window& w, s
 }
 
 /// Turns against `about`, which the smoothed one at the centre replaces: at log = 0 its derivatives
-/// are ω and ω̇.
+/// are ω and ω̇. Axes that turn with the body would do for faster ones, but tie noise of ω̇ to that
+/// of ω, which biases what gyroscopic forces tell.
 Smoothed smoothed_turn(const std::vector<PosedRow>& rows, const Window& w, std::size_t b,
                        Mat3<double>& about) {
   MatX<double> y(w.rows, 3);
@@ -211,6 +212,9 @@ BodyMotion smooth_bodies(const std::vector<PosedRow>& rows) {
   BodyMotion out;
   out.half_width = static_cast<int>(half);
 
+  // Without noise, a sample is too fast beside the others.
+  std::vector<double> most = left_by(rows, half).sextic;
+  for (std::size_t i = 0; i < most.size(); ++i) most[i] = kTooFast * std::max(most[i], noise[i]);
   std::array<double, 3> gain{};
   each_centre(rows, half, 1, [&](long k) {
     const Window w = window_at(rows, k, half);
@@ -218,7 +222,7 @@ BodyMotion smooth_bodies(const std::vector<PosedRow>& rows) {
     for (std::size_t b = 0; b < rows[k].X_WB.size(); ++b) {
       Mat3<double> R = rows[k].X_WB[b].R;
       const Smoothed turn = smoothed_turn(rows, w, b, R), place = smoothed_position(rows, w, b);
-      if (turn.sextic > kTooFast * noise[2 * b] || place.sextic > kTooFast * noise[2 * b + 1])
+      if (std::isinf(turn.sextic) || turn.sextic > most[2 * b] || place.sextic > most[2 * b + 1])
         return;
       const Vec3<double>& spin = turn.at[1];
       const Vec3<double> v = transpose_times(R, place.at[1]);
