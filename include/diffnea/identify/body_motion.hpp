@@ -19,9 +19,10 @@ struct PosedRow {
 /// Standard deviations along one axis, in the body's frame, of a value and of its first and second
 /// derivative in time.
 struct BodyNoise {
-  std::array<double, 3> angle{},               ///< [rad, rad/s, rad/s²]; zero of a particle
-      position{};                              ///< [m, m/s, m/s²]
-  double row_angle = 0.0, row_position = 0.0;  ///< noise of a row, for weights [rad, m]
+  std::array<double, 3> angle{},  ///< [rad, rad/s, rad/s²]; zero of a particle
+      position{};                 ///< [m, m/s, m/s²]
+  double row_angle = 0.0;         ///< noise of a measured row's turn, for weights [rad]
+  double row_position = 0.0;      ///< noise of a measured row's place, for weights [m]
 };
 
 /// States and accelerations of all bodies at one instant.
@@ -30,12 +31,10 @@ struct BodySample {
   int stretch = 0;                           ///< samples of one follow each other
   std::vector<BodyState<double>> states;     ///< one per body
   std::vector<Twist<double>> accelerations;  ///< V̇ per body, in B [rad/s², m/s²]
-  /// Smoothing made value and derivatives from these rows: those from `first_row` on, each with its
-  /// weights in them. Empty: their noises are independent, and of other samples'.
-  ///@{
-  long first_row = 0;
-  std::vector<std::array<double, 3>> weights;  ///< [1, 1/s, 1/s²]
-  ///@}
+  long first_row = 0;                        ///< measured row that `weights` begin with
+  /// Weights of the measured rows in value and derivatives [1, 1/s, 1/s²]. Empty: the noises of
+  /// these are independent, and of other samples'.
+  std::vector<std::array<double, 3>> weights;
 };
 
 /// Motion that the constrained loss is fitted to.

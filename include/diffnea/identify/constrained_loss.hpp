@@ -53,6 +53,7 @@ struct MotionVariables {
 /// A function of sample and parameters that fills a system, for double and for Jets.
 class ConstrainedModel {
  public:
+  /// Takes the function.
   /// @param fill  callable with (const BodySample&, const VecX<T>& p, ConstrainedSystem<T>&)
   template <class Fill>
   explicit ConstrainedModel(Fill fill) : plain_(fill), jets_(std::move(fill)) {}
