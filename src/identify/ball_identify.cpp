@@ -363,10 +363,6 @@ void identify_ball(const std::vector<Recording>& train, const std::vector<Record
         " mm: its path is not the model's, which standard errors do not count; diagnose may tell "
         "what "
         "is missing");
-  if (fit_options.loss == BallLoss::kConstrained)
-    result.notes.push_back(
-        "ball: the constrained loss makes a string too short by about the camera's noise; the "
-        "trajectory loss does not");
   if (!series.flagged.empty())
     result.notes.push_back(std::string(kWarning) +
                            "ball: " + std::to_string(series.flagged.size()) +

@@ -279,7 +279,7 @@ def test_the_constrained_loss_is_for_a_ball(ball: Path, tmp_path: Path) -> None:
         *("--loss", "constrained", "--lambda", "1,1,1"),
     )
     found = {p["name"]: p["value"] for p in load(run / "result.json")["parameters"]}
-    assert found["string.length"] == pytest.approx(LENGTH, abs=3e-3)  # biased: docs
+    assert found["string.length"] == pytest.approx(LENGTH, abs=1e-3)
 
 
 # --- Ctrl-C

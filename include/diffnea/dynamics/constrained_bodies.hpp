@@ -51,6 +51,17 @@ ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T
                                                     const Vec3<T>& gravity,
                                                     const Stabilisation& stabilisation);
 
+/// The same at a measured state, every row an equality, inequalities too: V̇ nearest to V̇₀ in M̄
+/// that all rows agree on, g̈ = 0 in least squares where noise makes redundant ones contradict.
+/// @param rows  those that act  @throws ShapeError, ModelError as constrained_acceleration
+template <Scalar T>
+ConstrainedAcceleration<T> held_acceleration(const std::vector<FreeBody<T>>& bodies,
+                                             const std::vector<BodyState<T>>& states,
+                                             const std::vector<Wrench<T>>& applied,
+                                             const std::vector<Twist<T>>& prescribed,
+                                             const std::vector<ConstraintRow<T>>& rows,
+                                             const Vec3<T>& gravity);
+
 /// Rows that act: equalities, and inequalities that hold something back.
 std::vector<bool> active_rows(const std::vector<ConstraintRow<double>>& rows,
                               const std::vector<double>& multiplier);

@@ -125,11 +125,9 @@ BallFit fit_ball(const Model& model, const BallLayout& layout, BallData& data,
                  const BallFitOptions& options = {},
                  const std::function<bool(int, double)>& progress = {});
 
-/// The paper's constrained loss: accelerations of the smoothed path against the model's, with g =
-/// softplus(h), ġ and g̈ (h = ‖Δ‖² − r²) as penalties of weights options.lambda, each over what the
-/// camera's noise makes of it. The sharpness of softplus and of the string's switch grows from
-/// round to round. Noise biases r by some millimetres: fit_ball is what to use on a noisy camera.
-/// @throws ModelError for effects of the camera, DataError if too few rows have neighbours
+/// The paper's constrained loss of ball and string: fit_constrained (constrained_loss.hpp) on the
+/// smoothed windows, anchor and forces those of the other loss.
+/// @throws ModelError for effects of the camera, DataError as smooth_bodies and fit_constrained
 BallFit fit_ball_constrained(const Model& model, const BallLayout& layout, const BallData& data,
                              const BallFitOptions& options = {});
 

@@ -20,10 +20,10 @@ struct BallFitOptions {
   double shortest = 0.1;                  ///< a shorter stretch is left out [s]
   double longest_gap = 0.1;               ///< rows further apart are of two windows [s]
   FlightOptions flight{.step = 0.01};     ///< a swing at 1 Hz is off by 1e-6 of its size then
-  int max_iterations = 60;  ///< steps of a descent (constrained loss: a round), refused ones too
-  double tolerance = 1e-8;  ///< stop when a step would gain a smaller share of χ²
-  double sigma = 0.0;       ///< of a position along one axis [m]; 0: estimated with the fit
-  bool robust = true;       ///< Huber's loss at 3 σ (per position), for outliers of the camera
+  int max_iterations = 60;                ///< steps of a descent, refused ones too
+  double tolerance = 1e-8;                ///< stop when a step would gain a smaller share of χ²
+  double sigma = 0.0;  ///< of a position along one axis [m]; 0: estimated with the fit
+  bool robust = true;  ///< Huber's loss at 3 σ (per position), for outliers of the camera
   /// Constrained loss: weights λ_g, λ_ġ, λ_g̈ of the penalties, each over its own noise.
   std::array<double, 3> lambda{1.0, 1.0, 1.0};
 };

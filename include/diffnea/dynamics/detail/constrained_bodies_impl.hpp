@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <optional>
 
+#include <Eigen/Cholesky>
+
 #include <diffnea/core/error.hpp>
 #include <diffnea/dynamics/constrained_bodies.hpp>
 
@@ -14,6 +16,10 @@ inline constexpr double kDependent = 1e-10;
 /// its unit over s² where all demands are small: more than the drift of a simulation leaves, less
 /// than any contradiction.
 inline constexpr double kContradiction = 1e-4;
+
+/// Share of a row's own diagonal that lets redundant rows be solved for: forces are off by as much,
+/// and rounding is 1e-16 over it.
+inline constexpr double kRidge = 1e-8;
 
 /// A λ = b on the rows `chosen`, redundant ones left out: pivoted Cholesky on the values chooses,
 /// the same elimination on T solves.
@@ -197,29 +203,24 @@ std::vector<Mobility<T>> mobilities(const std::vector<FreeBody<T>>& bodies) {
   return {bodies.begin(), bodies.end()};
 }
 
-}  // namespace diffnea::detail
-
-namespace diffnea {
-
-template <Scalar T>
-ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T>>& bodies,
-                                                    const std::vector<BodyState<T>>& states,
-                                                    const std::vector<Wrench<T>>& applied,
-                                                    const std::vector<Twist<T>>& prescribed,
-                                                    const std::vector<ConstraintRow<T>>& rows,
-                                                    const Vec3<T>& gravity,
-                                                    const Stabilisation& stabilisation) {
+/// V̇₀, and no force. @param where  for messages  @throws ShapeError
+template <class T>
+ConstrainedAcceleration<T> without_constraints(
+    const char* where, const std::vector<FreeBody<T>>& bodies,
+    const std::vector<Mobility<T>>& mobility, const std::vector<BodyState<T>>& states,
+    const std::vector<Wrench<T>>& applied, const std::vector<Twist<T>>& prescribed,
+    const std::vector<ConstraintRow<T>>& rows, const Vec3<T>& gravity) {
   const std::size_t n = bodies.size();
-  require_size("constrained_acceleration: states", static_cast<long>(states.size()),
-               static_cast<long>(n), "body");
-  require_size("constrained_acceleration: applied", static_cast<long>(applied.size()),
-               static_cast<long>(n), "body");
-  if (!prescribed.empty())
-    require_size("constrained_acceleration: prescribed", static_cast<long>(prescribed.size()),
-                 static_cast<long>(n), "body");
-  detail::check_rows(rows, n);
+  const auto one_each = [&](const char* what, std::size_t size) {
+    if (size != n)
+      require_size((std::string(where) + ": " + what).c_str(), static_cast<long>(size),
+                   static_cast<long>(n), "body");
+  };
+  one_each("states", states.size());
+  one_each("applied", applied.size());
+  if (!prescribed.empty()) one_each("prescribed", prescribed.size());
+  check_rows(rows, n);
 
-  const std::vector<Mobility<T>> mobility = detail::mobilities(bodies);
   ConstrainedAcceleration<T> out;
   out.Vd.resize(n);
   const Vec3<T> zero{T(0.0), T(0.0), T(0.0)};
@@ -234,7 +235,37 @@ ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T
       net = net - minus_ad_star(states[b].V, bodies[b].inertia * states[b].V);
     out.Vd[b] = mobility[b] * net;
   }
+  out.multiplier.assign(rows.size(), T(0.0));
+  return out;
+}
 
+/// Adds the forces −Jᵀλ and what they do.
+template <class T>
+void add_forces(const std::vector<Mobility<T>>& mobility, const std::vector<ConstraintRow<T>>& rows,
+                ConstrainedAcceleration<T>& out) {
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    for (std::size_t s = 0; s < kMostBodies; ++s)
+      if (const int body = rows[i].bodies[s]; body != kWorld)
+        out.force[body] = out.force[body] - rows[i].J[s] * out.multiplier[i];
+  for (std::size_t b = 0; b < out.Vd.size(); ++b)
+    out.Vd[b] = out.Vd[b] + mobility[b] * out.force[b];
+}
+
+}  // namespace diffnea::detail
+
+namespace diffnea {
+
+template <Scalar T>
+ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T>>& bodies,
+                                                    const std::vector<BodyState<T>>& states,
+                                                    const std::vector<Wrench<T>>& applied,
+                                                    const std::vector<Twist<T>>& prescribed,
+                                                    const std::vector<ConstraintRow<T>>& rows,
+                                                    const Vec3<T>& gravity,
+                                                    const Stabilisation& stabilisation) {
+  const std::vector<Mobility<T>> mobility = detail::mobilities(bodies);
+  ConstrainedAcceleration<T> out = detail::without_constraints(
+      "constrained_acceleration", bodies, mobility, states, applied, prescribed, rows, gravity);
   const auto m = static_cast<Eigen::Index>(rows.size());
   VecX<T> demand(m);
   std::vector<int> candidates;
@@ -245,15 +276,35 @@ ConstrainedAcceleration<T> constrained_acceleration(const std::vector<FreeBody<T
     demand[i] = detail::along(row, out.Vd) + row.bias - *target;
     candidates.push_back(static_cast<int>(i));
   }
-  out.multiplier.assign(rows.size(), T(0.0));
   if (candidates.empty()) return out;
   out.multiplier =
       detail::solve_complementary(detail::coupling(mobility, rows), demand, rows, candidates);
-  for (const int i : candidates)
-    for (std::size_t s = 0; s < kMostBodies; ++s)
-      if (const int body = rows[i].bodies[s]; body != kWorld)
-        out.force[body] = out.force[body] - rows[i].J[s] * out.multiplier[i];
-  for (std::size_t b = 0; b < n; ++b) out.Vd[b] = out.Vd[b] + mobility[b] * out.force[b];
+  detail::add_forces(mobility, rows, out);
+  return out;
+}
+
+template <Scalar T>
+ConstrainedAcceleration<T> held_acceleration(const std::vector<FreeBody<T>>& bodies,
+                                             const std::vector<BodyState<T>>& states,
+                                             const std::vector<Wrench<T>>& applied,
+                                             const std::vector<Twist<T>>& prescribed,
+                                             const std::vector<ConstraintRow<T>>& rows,
+                                             const Vec3<T>& gravity) {
+  const std::vector<Mobility<T>> mobility = detail::mobilities(bodies);
+  ConstrainedAcceleration<T> out = detail::without_constraints(
+      "held_acceleration", bodies, mobility, states, applied, prescribed, rows, gravity);
+  const auto m = static_cast<Eigen::Index>(rows.size());
+  if (m == 0) return out;
+  MatX<T> A = detail::coupling(mobility, rows);
+  VecX<T> demand(m);
+  for (Eigen::Index i = 0; i < m; ++i) {
+    demand[i] = detail::along(rows[i], out.Vd) + rows[i].bias;
+    // A row that moves nothing, between prescribed bodies, has no force.
+    A(i, i) = value(A(i, i)) > 0.0 ? A(i, i) * T(1.0 + detail::kRidge) : T(1.0);
+  }
+  const VecX<T> lambda = Eigen::LLT<MatX<T>>(A).solve(demand);
+  out.multiplier.assign(lambda.begin(), lambda.end());
+  detail::add_forces(mobility, rows, out);
   return out;
 }
 

@@ -1,25 +1,7 @@
 #pragma once
 
+#include <diffnea/core/softplus.hpp>
 #include <diffnea/dynamics/string_particle.hpp>
-
-namespace diffnea::detail {
-
-/// ln(1 + eˣ) and its derivative 1/(1 + e⁻ˣ), without overflow.
-template <class T>
-T softplus(const T& x) {
-  using std::exp;
-  using std::log;
-  return value(x) > 0.0 ? x + log(T(1.0) + exp(-x)) : log(T(1.0) + exp(x));
-}
-template <class T>
-T sigmoid(const T& x) {
-  using std::exp;
-  if (value(x) > 0.0) return T(1.0) / (T(1.0) + exp(-x));
-  const T e = exp(x);
-  return e / (T(1.0) + e);
-}
-
-}  // namespace diffnea::detail
 
 namespace diffnea {
 
@@ -36,8 +18,8 @@ T string_pull(const ParticleState<T>& ball, const AnchorMotion<T>& anchor, const
   const T pull = (dot(delta, a - anchor.a) + dot(delta_d, delta_d) - wanted * T(0.5)) / distance;
   if (smoothing.softness == Softness::kHard)
     return value(h) >= 0.0 && value(pull) > 0.0 ? pull : T(0.0);
-  return detail::sigmoid((distance - length) * T(smoothing.switching)) *
-         detail::softplus(pull * T(smoothing.pull)) * T(1.0 / smoothing.pull);
+  return sigmoid((distance - length) * T(smoothing.switching)) *
+         softplus(pull * T(smoothing.pull)) * T(1.0 / smoothing.pull);
 }
 
 template <Scalar T>
