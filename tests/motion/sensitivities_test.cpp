@@ -327,7 +327,8 @@ TEST_CASE(
   CHECK(together.residual_sum_of_squares() == Approx(whole.residual_sum_of_squares()));
 }
 
-TEST_CASE("sensitivities: of a joint at rest, by friction that turns within 1e-10 rad/s", "[motion]") {
+TEST_CASE("sensitivities: of a joint at rest, by friction that turns within 1e-10 rad/s",
+          "[motion]") {
   Model model = servo_that_saturates();
   model.effects[0].parameters[3].value = 1e3;
   model.effects.push_back(

@@ -1,5 +1,6 @@
-/// Study: whole runs of robots whose drives follow commands, simulated in closed loop from the first
-/// state and never reset; mean absolute error [mrad] or [mm] of each joint in each run, and in all.
+/// Study: whole runs of robots whose drives follow commands, simulated in closed loop from the
+/// first state and never reset; mean absolute error [mrad] or [mm] of each joint in each run, and
+/// in all.
 ///
 ///     servo_runs MODEL.json RUN.csv...
 ///
