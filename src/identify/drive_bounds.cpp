@@ -9,6 +9,9 @@
 namespace diffnea {
 namespace {
 
+/// Windows that share threads, of which the first ones mostly decide.
+constexpr std::size_t kTogether = 4;
+
 /// Bounds of drives that the fit moves, as indices of shapes.
 std::vector<std::size_t> free_bounds(const FitLayout& layout) {
   std::vector<std::size_t> out;
@@ -56,10 +59,7 @@ bool is_idle(std::size_t bound, const Model& model, const MotionData& data,
   const MotionProblem problem{
       model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
   const MotionFitter without(problem, options, at.x, shape);
-  std::vector<MotionWindow> windows = climb.at().windows;
-  const double most = as_good(at.objective, 1.0, climb.independent());
-  without.fit_states(windows, kOnTheWay, most);
-  return without.cost(windows) < most;
+  return does_as_well(without, climb, 1.0);
 }
 
 /// Tells whether a bound is within its error of none.
@@ -77,8 +77,20 @@ double bic(double objective, double free, double independent) {
   return independent * std::log(objective) + free * std::log(independent);
 }
 
-double as_good(double objective, double fewer, double independent) {
-  return objective * std::exp((fewer * std::log(independent) + kVeryStrong) / independent);
+bool does_as_well(const MotionFitter& other, const MotionClimb& climb, double fewer) {
+  const double independent = climb.independent(),
+               most = climb.fitter().now().objective *
+                      std::exp((fewer * std::log(independent) + kVeryStrong) / independent);
+  const std::vector<MotionWindow>& windows = climb.at().windows;
+  double cost = 0.0;
+  for (std::size_t first = 0; first < windows.size() && cost < most; first += kTogether) {
+    const auto begin = windows.begin() + static_cast<long>(first);
+    std::vector<MotionWindow> some(
+        begin, begin + static_cast<long>(std::min(kTogether, windows.size() - first)));
+    other.fit_states(some, kOnTheWay, most - cost);
+    cost += other.cost(some);
+  }
+  return cost < most;
 }
 
 std::vector<double> command_errors(const MotionStretch& stretch, int joint, double delay,

@@ -21,9 +21,9 @@ inline constexpr double kVeryStrong = 10.0;
 /// @param free         parameters
 /// @param independent  errors among the positions
 double bic(double objective, double free, double independent);
-/// Objective up to which a fit is no worse beyond doubt than one of this objective.
-/// @param fewer  parameters than that one has
-double as_good(double objective, double fewer, double independent);
+/// Tells whether another fit's parameters do as well in the windows of this one, each from its best
+/// state: not worse beyond doubt. @param fewer  parameters than this one has
+bool does_as_well(const MotionFitter& other, const MotionClimb& climb, double fewer);
 
 /// Tells whether a shape bounds what a drive of the layout does: it is no delay.
 bool is_bound_of_drive(const FitLayout& layout, const FitParameter& shape);

@@ -61,10 +61,7 @@ bool do_as_well(const Fitted& of, const VecX<double>& x, const VecX<double>& sha
   const MotionProblem problem{of.model,     of.climb.layout(),      of.data.train,
                               of.data.runs, of.data.noise.position, of.climb.beginning().scale};
   const MotionFitter other(problem, of.options, x, shape);
-  std::vector<MotionWindow> windows = of.climb.at().windows;
-  const double most = as_good(of.climb.fitter().now().objective, fewer, of.climb.independent());
-  other.fit_states(windows, kOnTheWay, most);
-  return other.cost(windows) < most;
+  return does_as_well(other, of.climb, fewer);
 }
 
 /// Tells whether the windows would do as well without the drive's pull.
