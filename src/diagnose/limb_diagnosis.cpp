@@ -68,10 +68,9 @@ std::vector<Candidate> candidates_beside(const Model& base, const Asked& asked,
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(base.effects, spec)) continue;
     if (!has_supply(recordings, c))
-      finding.refused.push_back({spec.effect, spec.where,
-                                 "not tried: no row has a supply (a column voltage or voltage_" +
-                                     spec.where + " [V], above 0)",
-                                 0.0});
+      finding.refused.push_back(
+          {spec.effect, spec.where,
+           "not tried: no row has a supply (a column voltage or voltage_JOINT [V], above 0)", 0.0});
     else if (can_be_simulated(c, led)) {
       sharpen(noise, c.effect);
       out.push_back(std::move(c));
