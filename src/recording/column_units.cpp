@@ -78,7 +78,8 @@ std::span<const Unit> units_of(Channel channel) {
 }
 
 Motion motion_of(Channel channel, const std::string& unit) {
-  if (channel == Channel::kTau) return unit.ends_with('m') ? Motion::kTurns : Motion::kSlides;
+  if (channel == Channel::kTau || channel == Channel::kTaucmd)
+    return unit.ends_with('m') ? Motion::kTurns : Motion::kSlides;
   const std::string length = unit.substr(0, unit.find('/'));
   return length == "m" || length == "cm" || length == "mm" ? Motion::kSlides : Motion::kTurns;
 }

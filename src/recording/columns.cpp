@@ -175,8 +175,9 @@ void set_unit(Column& c, const std::string& text, Columns& out, const RecordingI
     throw DataError("unit '" + unit.unit + "' cannot be that of '" + joint + "', which " +
                     (known->prismatic ? "slides (prismatic)" : "turns (revolute)") +
                     " in the model; expected " +
-                    (c.channel == Channel::kTau ? (known->prismatic ? "N" : "N*m")
-                                                : (known->prismatic ? "m" : "rad")) +
+                    (c.channel == Channel::kTau || c.channel == Channel::kTaucmd
+                         ? (known->prismatic ? "N" : "N*m")
+                         : (known->prismatic ? "m" : "rad")) +
                     " or another unit of that kind");
   } catch (const DataError& error) {
     fail(error.what());

@@ -13,11 +13,11 @@ namespace {
 
 constexpr double kSignificance = 5.0;  // standard errors, as of an audit's faults
 
-bool is_there(const RowMatX<double>& m, long joint) {
-  return joint < m.cols() && m.col(joint).array().isFinite().any();
-}
-
 }  // namespace
+
+bool is_logged(const RowMatX<double>& series, long joint) {
+  return joint < series.cols() && series.col(joint).array().isFinite().any();
+}
 
 std::vector<ChannelWarning> find_early_responses(const std::vector<JointDescription>& joints,
                                                  const std::vector<Recording>& recordings) {
@@ -45,7 +45,7 @@ void require_commands(const std::vector<JointDescription>& joints,
 }
 
 std::string why_no_torque(const std::vector<Recording>& recordings) {
-  std::vector<std::string> q, qd, command, extra;
+  std::vector<std::string> q, qd, command, torque, extra;
   bool driven = false;
   for (const Recording& r : recordings) {
     if (r.base_wrench.size() > 0) return "";
@@ -57,8 +57,9 @@ std::string why_no_torque(const std::vector<Recording>& recordings) {
       if (r.has_tau[j]) return "";
       driven = driven || std::ranges::find(r.info.passive, name) == r.info.passive.end();
       add(q, name);
-      if (is_there(r.qd, static_cast<long>(j))) add(qd, name);
-      if (is_there(r.qcmd, static_cast<long>(j))) add(command, name);
+      if (is_logged(r.qd, static_cast<long>(j))) add(qd, name);
+      if (is_logged(r.qcmd, static_cast<long>(j))) add(command, name);
+      if (is_logged(r.taucmd, static_cast<long>(j))) add(torque, name);
     }
     for (const ExtraChannel& e : r.extra) add(extra, e.name);
   }
@@ -73,6 +74,10 @@ std::string why_no_torque(const std::vector<Recording>& recordings) {
            ", to which `diffnea identify` and `diffnea diagnose` fit drives";
   else
     out += "; positions that were commanded (columns qcmd_JOINT) would do as well";
+  if (!torque.empty() && command.empty())
+    out += "; torques that were commanded (taucmd_) of " + detail::join(torque) +
+           " are torques if the drives give them: --map \"taucmd_" + torque.front() + "=tau_" +
+           torque.front() + "\"";
   if (!extra.empty()) out += "; extra channels " + detail::join(extra);
   return out;
 }

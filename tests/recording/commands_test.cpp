@@ -144,6 +144,12 @@ TEST_CASE("commands: a missing torque is said, with what there is", "[recording]
   Recording exchanged = r;
   std::swap(exchanged.q, exchanged.qcmd);
   CHECK_THROWS_WITH(require_torque(kServo, {exchanged}), ContainsSubstring("are exchanged;"));
+  Recording by_torque = r;
+  by_torque.taucmd = r.qcmd;
+  CHECK_THAT(why_no_torque({by_torque}), !ContainsSubstring("taucmd_"));  // beside positions
+  by_torque.qcmd.resize(0, 0);
+  CHECK_THAT(why_no_torque({by_torque}),
+             ContainsSubstring("if the drives give them: --map \"taucmd_servo=tau_servo\""));
   Recording measured = r;
   measured.has_tau = {true};
   CHECK_NOTHROW(require_torque(kServo, {measured}));

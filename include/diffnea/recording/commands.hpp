@@ -8,6 +8,9 @@
 
 namespace diffnea {
 
+/// Tells whether a series (N, n) of joints, which may be empty, has a value of this one.
+bool is_logged(const RowMatX<double>& series, long joint);
+
 /// Joints whose position comes before its command, by more than a row and five standard errors: the
 /// columns are exchanged, or the command is stamped too late.
 /// @param joints  in the order of the columns
