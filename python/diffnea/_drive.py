@@ -134,7 +134,7 @@ class Drive:
                 Default: the nominal one.
             velocity: told beside the position, (…, n) [rad/s] or [m/s], for drives with a
                 ``feed_forward``.
-            torque: told beside both, (…, n) [N·m] or [N], likewise.
+            torque: told beside both, (…, n) [N·m] or [N], likewise. NaN: none.
 
         """
         wanted, q, qd, velocity, torque = np.broadcast_arrays(
@@ -146,7 +146,7 @@ class Drive:
                 f"{len(self.joint_names)}): {', '.join(self.joint_names)}"
             )
         setpoint, velocity, torque = self._delayed(
-            time, np.stack([self._led(time, wanted), velocity, torque])
+            time, np.stack([self._led(time, wanted), np.nan_to_num(velocity), np.nan_to_num(torque)])
         )
         error = self._gain * (setpoint - q)
         self._integral = self._integral + self._summed * max(time - self._last, 0.0)

@@ -30,13 +30,6 @@ struct Guess {
   double left = kInfinity;  // Σ e² of its joint there, or its mean
 };
 
-/// Tells whether a series of joints has a value of this one.
-bool is_logged(const RowMatX<double>& series, long joint) {
-  return series.size() > 0 && (series.col(joint).array() == series.col(joint).array()).any();
-}
-
-bool has_command(const Recording& r, long joint) { return is_logged(r.qcmd, joint); }
-
 /// Rows in which the joint's drive is off.
 std::size_t count_off(const Recording& r, int joint) {
   const CommandPath path = command_path(r);
@@ -104,6 +97,19 @@ void begin_at_supply(Model& model, const std::vector<Recording>& sample, int joi
           "out");
     model.effects.push_back({effect, name, {{"nominal", volts, "V"}}});
   }
+}
+
+/// Begins what a joint's drive is told beside its position: until a log says otherwise, drives give
+/// the torque that they are told.
+/// @return false: the caller's list of effects leaves it out
+bool begin_fed(Model& model, const std::string& joint, const FitChoice& choice) {
+  if (choice.effects && !is_asked_for(choice, "feed_forward")) return false;
+  const auto is_it = [&](const EffectSpec& e) {
+    return e.effect == "feed_forward" && e.where == joint;
+  };
+  if (std::ranges::none_of(model.effects, is_it))
+    model.effects.push_back({"feed_forward", joint, {{"share", 1.0, ""}}});
+  return true;
 }
 
 /// Beside a drive that is always on, viscous friction is one with what the motor brakes: held
@@ -247,16 +253,14 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
                 std::vector<std::string>& notes) {
   const std::vector<Recording> sample = train.sample();
   const std::vector<std::string> joints = joint_names(model);
-  std::vector<std::string> led, effects, damped, fed;
+  std::vector<std::string> led, effects, damped, unused;
   // Beside a torque that is known, a joint without one is prescribed.
   if (has_torque(train) || std::ranges::any_of(sample, [](const Recording& r) {
         return !r.info.passive.empty();
       }))
     return false;
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    const auto is_led = [&](const Recording& r) {
-      return has_command(r, static_cast<long>(j));
-    };
+    const auto is_led = [&](const Recording& r) { return is_logged(r.qcmd, static_cast<long>(j)); };
     if (!std::ranges::any_of(sample, is_led)) continue;
     require_a_drive_that_is_on(sample, static_cast<int>(j), joints[j]);
     led.push_back(joints[j]);
@@ -272,18 +276,13 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
       damped.push_back(joints[j]);
     for (const char* effect : {"position_servo", "armature", "coulomb_friction", "torque_offset"})
       effects.push_back(std::string(effect) + "@" + joints[j]);
-    if (std::ranges::none_of(sample, [&](const Recording& r) {
+    if (std::ranges::any_of(sample, [&](const Recording& r) {
           return is_logged(r.qdcmd, static_cast<long>(j)) ||
                  is_logged(r.taucmd, static_cast<long>(j));
-        }))
-      continue;
-    effects.push_back("feed_forward@" + joints[j]);
-    if (options.choice.effects && !is_asked_for(options.choice, "feed_forward"))
-      fed.push_back(joints[j]);
-    else if (std::ranges::none_of(model.effects, [&](const EffectSpec& e) {
-               return e.effect == "feed_forward" && e.where == joints[j];
-             }))  // until a log says otherwise, drives give the torque that they are told
-      model.effects.push_back({"feed_forward", joints[j], {{"share", 1.0, ""}}});
+        })) {
+      effects.push_back("feed_forward@" + joints[j]);
+      if (!begin_fed(model, joints[j], options.choice)) unused.push_back(joints[j]);
+    }
   }
   if (led.empty()) return false;
   require_commands(describe_joints(model), sample);
@@ -291,11 +290,11 @@ bool fit_drives(Model& model, const RecordingSource& train, IdentifyOptions& opt
     notes.push_back("viscous friction of the description at " + detail::join(damped) +
                     " is where the damping of the drives there begins: a drive that is always on "
                     "does not tell the two apart");
-  if (!fed.empty())
-    notes.push_back(kWarning +
-                    ("drives were told velocities or torques beside positions (qdcmd_, "
-                     "taucmd_) at " +
-                     detail::join(fed) + ", which do nothing here: add feed_forward to --effects"));
+  if (!unused.empty())
+    notes.push_back(kWarning + ("drives were told velocities or torques beside positions (qdcmd_, "
+                                "taucmd_) at " +
+                                detail::join(unused) +
+                                ", which do nothing here: add feed_forward to --effects"));
   options.loss = Loss::kMotion;
   if (!options.choice.effects) options.choice.effects = effects;
   if (options.choice.fit == FitChoice{}.fit) std::erase(options.choice.fit, "inertia");

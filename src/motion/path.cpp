@@ -15,8 +15,6 @@ constexpr double kSlow = 1e-6, kSlowShare = 0.01;
 /// Speed over that at which dry friction turns, from which on it is flat: tanh(5) is 1 but for
 /// 1e-4.
 constexpr double kFlat = 5.0;
-/// Reach of a drive that has none, as position_servo has it [rad] or [m].
-constexpr double kNoReach = 1e3;
 /// Step times the frequency of a joint that a drive without bounds leads [rad]: it forgets within a
 /// radian or two, and what it is off by is 1e-5 of its motion, less than an encoder's step is. At
 /// bounds, and beside friction that follows the load, a step is no longer of fourth order.
@@ -170,25 +168,24 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
   }
   // Joints and their rotors moved together: gears do not wind up.
   MatX<double> by_joint = dynamics_.dqdd_dq().leftCols(rotors_.joints());
-  std::vector<bool> forgets(static_cast<std::size_t>(n_), false);
+  std::vector<bool> forgets(static_cast<std::size_t>(rotors_.joints()), false);
   if (dynamics_.command())
     for (const BoundEffect& e : dynamics_.model().effects)
       if (const double slope = drive_slope(e, led_); slope > 0.0) {
-        const int dof = e.joints.front();
-        by_joint.col(rotors_.joint_of(dof)) -= slope * dynamics_.inverse_mass_matrix().col(dof);
-        const double* law = led_.servo(dof);
-        const bool smooth = law[3] >= kNoReach && law[4] == 0.0 && !dynamics_.is_implicit();
-        for (int d = 0; d < n_ && smooth; ++d)
-          if (rotors_.joint_of(d) == rotors_.joint_of(dof))
-            forgets[static_cast<std::size_t>(d)] = true;
+        const int dof = e.joints.front(), joint = rotors_.joint_of(dof);
+        by_joint.col(joint) -= slope * dynamics_.inverse_mass_matrix().col(dof);
+        if (led_.sums(dof) < 0)  // else it is the integrator's
+          forgets[static_cast<std::size_t>(joint)] =
+              !PositionServo::has_bounds(led_.servo(dof)) && !dynamics_.is_implicit();
       }
   for (const HiddenRotor& r : rotors_.rotors())
     by_joint.col(r.joint) += dynamics_.dqdd_dq().col(r.rotor);
   longest_ = step_of_gears();
   for (int dof = 0; dof < n_; ++dof) {
     const double frequency = std::sqrt(by_joint.row(dof).cwiseAbs().sum());
-    const double phase = forgets[static_cast<std::size_t>(dof)] ? kLedPhase : options_.max_phase;
-    if (frequency > 0.0) longest_ = std::min(longest_, phase / frequency);
+    const bool led = forgets[static_cast<std::size_t>(rotors_.joint_of(dof))];
+    if (frequency > 0.0)
+      longest_ = std::min(longest_, (led ? kLedPhase : options_.max_phase) / frequency);
   }
   return rate;
 }

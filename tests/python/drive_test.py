@@ -63,6 +63,8 @@ def test_what_is_told_beside_positions(tmp_path: Path) -> None:
     assert_allclose(drive(0.01, [0.0], **at_rest, velocity=[3.0]), [0.5 + 1.8])  # late
     assert_allclose(drive(0.03, [0.0], **at_rest), [1.5])
     assert_allclose(drive(0.04, [NAN], **at_rest, torque=[2.0]), [0.0])
+    assert_allclose(drive(0.06, [0.0], **at_rest, velocity=[NAN], torque=[NAN]), [1.8])
+    assert_allclose(drive(0.08, [0.0], **at_rest), [0.0])  # a gap is none
     # Without the effect they do nothing.
     plain = diffnea.Drive(swing(tmp_path))
     assert_allclose(plain(0.0, [0.0], **at_rest, velocity=[1.0], torque=[2.0]), [0.0])

@@ -280,3 +280,19 @@ def test_the_command_says_in_the_readers_words_what_is_wrong(
     assert answer.returncode == BAD_INPUT
     assert "is a Parquet file, which diffnea's package for Python reads" in answer.stderr
     assert "pip install '.[parquet]'" in answer.stderr
+
+
+def test_what_drives_are_told_beside_positions(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    head = "time,q_a,qcmd_a,qdcmd_a [deg/s],taucmd_a [mNm]\n"
+    log.write_text(head + "".join(f"{0.01 * k},0,0,{90 * k},{500 * k}\n" for k in range(9)))
+    run = diffnea.read_recording(log)
+    np.testing.assert_allclose(run.qdcmd[:, 0], 0.5 * np.pi * np.arange(9))
+    np.testing.assert_allclose(run.taucmd[:, 0], 0.5 * np.arange(9))
+    diffnea.write_recording(run, tmp_path / "again.csv")
+    again = diffnea.read_recording(tmp_path / "again.csv")
+    np.testing.assert_array_equal(again.taucmd, run.taucmd)
+    columns = {"time": run.time, "q": run.q, "joint_names": ["a"]}
+    arrays = diffnea.Recording(**columns, qdcmd=run.qdcmd, taucmd=run.taucmd)
+    np.testing.assert_array_equal(arrays.qdcmd, run.qdcmd)
+    assert "qdcmd, taucmd" in repr(arrays)

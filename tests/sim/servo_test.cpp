@@ -116,6 +116,32 @@ TEST_CASE("simulate, identify: a servo's law is read back from commands and posi
   }
 }
 
+TEST_CASE("simulate, identify: a drive is told its trajectory's velocity, which its log has",
+          "[sim]") {
+  const EffectSpec fed{"feed_forward", "servo", {{"damping", 0.4, ""}, {"share", 1.0, ""}}};
+  const EffectSpec drive = servo(14.0, 0.6, 0.024, 1e3);
+  Trajectory path = motion(14.0, wave);
+  // No derivative of the command, which a delay would stand in for.
+  for (long k = 0; k < path.rows(); ++k) path.qd(k, 0) = 2.0 * std::cos(9.0 * path.time[k]);
+  const auto recorded = [&](const std::vector<EffectSpec>& effects) {
+    const Model robot = bench(effects);
+    return record_model(robot, robot, path, at_100_hz(0.0)).recording;
+  };
+  const Recording log = recorded({drive, fed}), without = recorded({drive});
+  CHECK(without.qdcmd.size() == 0);
+  REQUIRE(log.qdcmd.rows() == log.rows());
+  CHECK((log.q - without.q).cwiseAbs().maxCoeff() > 0.01);
+  const IdentifyResult result = identify(bench({}), {log}, {}, {});
+  for (const auto& [name, is] : {std::pair{"feed_forward.damping", 0.4},
+                                 {"position_servo.damping", 0.6},
+                                 {"delay", 0.024}}) {
+    const ParameterEstimate& p = test::estimate(result, name);
+    CAPTURE(name, is, p.value, p.std);
+    CHECK(std::abs(p.value - is) < std::max(4.0 * p.std, 0.02 * is));
+  }
+  CHECK(test::estimate(result, "feed_forward.share").fixed);  // no torque was told
+}
+
 TEST_CASE("simulate, identify: a drive that integrates its error leaves none, and is read back",
           "[sim]") {
   const double rate = 2.0, told = 0.8;

@@ -14,6 +14,9 @@ namespace diffnea {
 /// While it is on, the motor brakes in proportion to its speed (back-EMF, and what the firmware
 /// adds). Without delay, dead band and bounds it is MuJoCo's `position` actuator.
 struct PositionServo {
+  /// Reach of a drive that has none [rad] or [m].
+  static constexpr double kNoReach = 1e3;
+
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "position_servo",
@@ -35,7 +38,7 @@ struct PositionServo {
               .unit_prismatic = "m",
               .sign = Sign::kPositive,
               .linear = false,
-              .initial = 1e3},
+              .initial = kNoReach},
              {.name = "dead_band",
               .unit = "rad",
               .unit_prismatic = "m",
@@ -62,6 +65,9 @@ struct PositionServo {
     path.set_servo(joint, p);
     if (p[5] < kJumps) path.limit_speed(joint, p[5]);
   }
+
+  /// Tells whether its torque has corners over the error: a reach, a dead band.
+  static bool has_bounds(const double* p) { return p[3] < kNoReach || p[4] > 0.0; }
 
   /// Largest slope of the torque over the error, wherever the drive is, at its nominal supply; of
   /// its integrator, that of its acceleration.
