@@ -3,12 +3,13 @@
 #include <limits>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/core/softplus.hpp>
 #include <diffnea/core/text.hpp>
 #include <diffnea/identify/constrained_loss.hpp>
 
 #include "core/decompositions.hpp"
 #include "core/statistics.hpp"
+#include "identify/constrained_checks.hpp"
+#include "identify/constrained_residuals.hpp"
 #include "identify/descent.hpp"
 
 namespace diffnea {
@@ -19,8 +20,6 @@ constexpr double kHuber = 3.0;
 /// Multiplier over its standard error from which the motion shows a force: noise alone does once in
 /// 3e4 samples.
 constexpr double kShown = 4.0;
-/// Median of |g| over its noise from which a constraint that no parameter moves is a mistake.
-constexpr double kMistaken = 10.0;
 /// Change of the cost by weights of the present point, relative, below which they have settled: a
 /// tenth of what one of a hundred samples counts.
 constexpr double kSettled = 1e-3;
@@ -30,90 +29,8 @@ constexpr double kUnseen = 1e-12;
 /// Square of a parameter's share in what is not seen, from which it is not known itself.
 constexpr double kPartOfUnseen = 1e-6;
 constexpr std::size_t kSamplesPerParameter = 10;  ///< at least
-/// Numbers of a body's motion: place and turn, three each, and their two derivatives.
-constexpr int kPerBody = 18;
 
-/// How a sample enters the cost, taken at one point and then kept.
-struct Weighing {
-  bool counts = true;      ///< smoothed within one motion
-  std::vector<bool> acts;  ///< per row
-};
 using Weighings = std::vector<Weighing>;
-
-/// Standard deviation of a row's derivative of order d, of those of its bodies. Parameters move it:
-/// a distance over its noise is one in the space of what was measured, as of total least squares.
-template <class T>
-T row_noise(const ConstraintRow<T>& row, const std::vector<BodyNoise>& noise, std::size_t d) {
-  using std::sqrt;
-  T square(0.0);
-  for (std::size_t s = 0; s < kMostBodies; ++s) {
-    if (row.bodies[s] == kWorld) continue;
-    const BodyNoise& of = noise[static_cast<std::size_t>(row.bodies[s])];
-    square = square + dot(row.J[s].torque, row.J[s].torque) * T(of.angle[d] * of.angle[d]) +
-             dot(row.J[s].force, row.J[s].force) * T(of.position[d] * of.position[d]);
-  }
-  return sqrt(square);
-}
-
-template <class T>
-T along(const ConstraintRow<T>& row, const std::vector<Twist<T>>& V) {
-  T sum(0.0);
-  for (std::size_t s = 0; s < kMostBodies; ++s)
-    if (row.bodies[s] != kWorld) sum = sum + dot(V[row.bodies[s]], row.J[s]);
-  return sum;
-}
-
-template <class T>
-ConstrainedAcceleration<T> predicted(const ConstrainedSystem<T>& s,
-                                     const std::vector<ConstraintRow<T>>& rows) {
-  return held_acceleration<T>(s.bodies, s.states, s.applied, s.accelerations, rows, s.gravity);
-}
-
-/// Residuals of a sample over their noise.
-template <class T>
-std::vector<T> residuals(const ConstrainedSystem<T>& system, const std::vector<BodyNoise>& noise,
-                         const Weighing& weighing, const std::array<double, 3>& lambda) {
-  std::vector<T> out;
-  const auto put = [&out](const T& x, double weight) { out.push_back(x * T(weight)); };
-  const auto put_three = [&put](const Vec3<T>& x, double weight) {
-    put(x.x, weight), put(x.y, weight), put(x.z, weight);
-  };
-  std::vector<ConstraintRow<T>> acting;
-  for (std::size_t i = 0; i < system.rows.size(); ++i)
-    if (weighing.acts[i]) acting.push_back(system.rows[i]);
-  const std::vector<Twist<T>> model = predicted(system, acting).Vd;
-  for (std::size_t b = 0; b < model.size(); ++b) {
-    const BodyKind kind = system.bodies[b].kind;
-    if (kind == BodyKind::kPrescribed) continue;
-    put_three(system.accelerations[b].linear - model[b].linear, 1.0 / noise[b].position[2]);
-    if (kind == BodyKind::kRigid)
-      put_three(system.accelerations[b].angular - model[b].angular, 1.0 / noise[b].angle[2]);
-  }
-  for (std::size_t i = 0; i < system.rows.size(); ++i) {
-    const ConstraintRow<T>& row = system.rows[i];
-    const auto over_noise = [&](const T& x, std::size_t order) {
-      put(x / row_noise(row, noise, order), std::sqrt(lambda[order]));
-    };
-    if (!weighing.acts[i]) {  // softplus leaves half of the noise at g = 0
-      const double sharp = 2.0 * std::log(2.0);
-      put(softplus((row.g / row_noise(row, noise, 0)) * T(sharp)), std::sqrt(lambda[0]) / sharp);
-      continue;
-    }
-    over_noise(row.g, row.of_velocity ? 1 : 0);
-    if (!row.of_velocity) over_noise(row.gd, 1);
-    over_noise(along(row, system.accelerations) + row.bias, 2);
-  }
-  return out;
-}
-
-/// Jets by a share of the parameters. @param first  the first of them
-VecX<JetD> seeded(const VecX<double>& p, Eigen::Index first) {
-  VecX<JetD> out(p.size());
-  for (Eigen::Index k = 0; k < p.size(); ++k)
-    out[k] =
-        k >= first && k < first + kJetWidth ? JetD(p[k], static_cast<int>(k - first)) : JetD(p[k]);
-  return out;
-}
 
 /// The descent, and what it is fitted to.
 class ConstrainedDescent {
@@ -125,7 +42,7 @@ class ConstrainedDescent {
     p_.resize(static_cast<Eigen::Index>(parameters.size()));
     for (Eigen::Index k = 0; k < p_.size(); ++k) p_[k] = parameters[k].value;
     weighings_ = weighings_at(p_);
-    require_agreement();
+    require_agreement(model, parameters, motion);
     set_usual();
     now_ = cost_at(p_, weighings_);
   }
@@ -163,8 +80,6 @@ class ConstrainedDescent {
   Weighings weighings_at(const VecX<double>& p) const;
   std::vector<bool> shown_at(const ConstrainedSystem<double>& system) const;
   void leave_out_changes(Weighings& weighings) const;
-  void require_agreement() const;
-  std::string others_with(const ConstrainedSystem<double>& system, std::size_t row) const;
   void set_usual();
   MatX<double> score_by_motion(std::size_t k, std::size_t body) const;
   std::vector<double> residuals_at(const VecX<double>& p, std::size_t k,
@@ -273,82 +188,6 @@ void ConstrainedDescent::leave_out_changes(Weighings& weighings) const {
            motion_.samples[last + 1].stretch == stretch)
       ++last;
     weighings[k].counts = since[last] <= first;
-  }
-}
-
-/// Names of the constraints in whose span a row of equalities is.
-std::string ConstrainedDescent::others_with(const ConstrainedSystem<double>& system,
-                                            std::size_t row) const {
-  const std::size_t n = 6 * system.bodies.size();
-  const auto covector = [&](const ConstraintRow<double>& of) {
-    VecX<double> out = VecX<double>::Zero(static_cast<Eigen::Index>(n));
-    for (std::size_t s = 0; s < kMostBodies; ++s)
-      if (of.bodies[s] != kWorld &&
-          system.bodies[static_cast<std::size_t>(of.bodies[s])].kind != BodyKind::kPrescribed)
-        out.segment<6>(6 * of.bodies[s]) << to_eigen(of.J[s].torque), to_eigen(of.J[s].force);
-    return out;
-  };
-  std::vector<std::size_t> others;
-  for (std::size_t i = 0; i < system.rows.size(); ++i)
-    if (system.rows[i].name != system.rows[row].name) others.push_back(i);
-  if (others.empty()) return {};
-  MatX<double> J(static_cast<Eigen::Index>(n), static_cast<Eigen::Index>(others.size()));
-  for (std::size_t i = 0; i < others.size(); ++i)
-    J.col(static_cast<Eigen::Index>(i)) = covector(system.rows[others[i]]);
-  const VecX<double> target = covector(system.rows[row]);
-  const VecX<double> share = Eigen::CompleteOrthogonalDecomposition<MatX<double>>(J).solve(target);
-  constexpr double kInSpan = 1e-6;  // remainder, relative: rounding of a few products leaves 1e-12
-  if ((J * share - target).norm() > kInSpan * target.norm()) return {};
-  std::string out;
-  for (std::size_t i = 0; i < others.size(); ++i) {
-    const std::string& name = system.rows[others[i]].name;
-    const auto k = static_cast<Eigen::Index>(i);
-    if (std::abs(share[k]) * J.col(k).norm() <= kInSpan * target.norm()) continue;
-    if (out.find("'" + name + "'") == std::string::npos)
-      out += (out.empty() ? "'" : ", '") + name + "'";
-  }
-  return out;
-}
-
-/// @throws DataError if a constraint that no parameter moves does not hold
-void ConstrainedDescent::require_agreement() const {
-  const ConstrainedSystem<double> first = model_.at(motion_.samples.front(), p_);
-  std::vector<bool> moves(first.rows.size(), false);
-  for (Eigen::Index begin = 0; begin < p_.size(); begin += kJetWidth) {
-    const ConstrainedSystem<JetD> system = model_.at(motion_.samples.front(), seeded(p_, begin));
-    for (std::size_t i = 0; i < system.rows.size(); ++i)
-      moves[i] = moves[i] || !system.rows[i].g.v.isZero(0.0);
-  }
-  for (std::size_t i = 0; i < first.rows.size(); ++i) {
-    const ConstraintRow<double>& row = first.rows[i];
-    const bool moved = std::ranges::any_of(first.rows, [&](const ConstraintRow<double>& other) {
-      return other.name == row.name && moves[&other - first.rows.data()];
-    });
-    if (moved || row.relation == Relation::kAtMost) continue;
-    const std::size_t order = row.of_velocity ? 1 : 0;
-    std::vector<double> off;
-    for (const BodySample& sample : motion_.samples) {
-      const ConstraintRow<double> there = model_.at(sample, p_).rows[i];
-      off.push_back(std::abs(there.g) / row_noise(there, motion_.noise, order));
-    }
-    const double usual = median(off);
-    if (!(usual > kMistaken)) continue;
-    const std::string others = others_with(first, i);
-    double reach = 0.0;  // change of g by a metre of its bodies
-    for (const Wrench<double>& J : row.J) reach = std::max(reach, std::sqrt(dot(J.force, J.force)));
-    throw DataError(
-        "constrained loss: constraint '" + row.name +
-        "' has no free parameter and does not hold: " + "at the first sample, " +
-        detail::number_text(motion_.samples.front().time) + " s, its g is " +
-        detail::number_text(row.g, 3) +
-        (reach > 0.0 && !row.of_velocity
-             ? ", a posture " + detail::number_text(1e3 * std::abs(row.g) / reach, 3) + " mm off"
-             : "") +
-        "; over all samples |g| is " + detail::number_text(usual, 3) +
-        " times the sensors' noise (median), expected less than " +
-        detail::number_text(kMistaken, 3) +
-        (others.empty() ? "" : "; it contradicts " + others + ", which leave its bodies no room") +
-        "; correct its parameters, or free one of them");
   }
 }
 
@@ -531,94 +370,12 @@ std::vector<ConstraintError> ConstrainedDescent::errors() const {
   return out;
 }
 
-/// The motion of a body with its smoothed turn and place, and their two derivatives, as variables:
-/// numbers `first` and on of kPerBody. Places are in the body's smoothed axes.
-void vary(BodyState<JetD>& state, Twist<JetD>& acceleration, int first) {
-  const auto variable = [first](int at) {
-    const auto one = [&](int k) {
-      return k >= first && k < first + kJetWidth ? JetD(0.0, k - first) : JetD(0.0);
-    };
-    return Vec3<JetD>{one(at), one(at + 1), one(at + 2)};
-  };
-  const Vec3<JetD> spin = state.V.angular, v = state.V.linear,
-                   a = acceleration.linear + cross(spin, v);
-  const Mat3<JetD> turn = exp(variable(9));
-  state.X_WB.p = state.X_WB.p + state.X_WB.R * variable(0);
-  state.X_WB.R = state.X_WB.R * turn;
-  state.V.angular = spin + variable(12);
-  state.V.linear = transpose_times(turn, v + variable(3));
-  acceleration.angular = acceleration.angular + variable(15);
-  acceleration.linear =
-      transpose_times(turn, a + variable(6)) - cross(state.V.angular, state.V.linear);
-}
-
-template <class T>
-ConstrainedSystem<T> system_at(
-    const std::function<void(const BodySample&, const VecX<T>&, ConstrainedSystem<T>&)>& fill,
-    const BodySample& sample, const VecX<T>& p, const MotionVariables& variables) {
-  ConstrainedSystem<T> out;
-  for (const BodyState<double>& s : sample.states)
-    out.states.push_back({s.X_WB.template cast<T>(),
-                          {s.V.angular.template cast<T>(), s.V.linear.template cast<T>()}});
-  for (const Twist<double>& a : sample.accelerations)
-    out.accelerations.push_back({a.angular.template cast<T>(), a.linear.template cast<T>()});
-  if constexpr (std::is_same_v<T, JetD>)
-    if (variables.body >= 0)
-      vary(out.states[static_cast<std::size_t>(variables.body)],
-           out.accelerations[static_cast<std::size_t>(variables.body)], variables.first);
-  const Vec3<T> zero{T(0.0), T(0.0), T(0.0)};
-  out.applied.assign(sample.states.size(), {zero, zero});
-  fill(sample, p, out);
-  require_size("constrained loss: bodies of the system", static_cast<long>(out.bodies.size()),
-               static_cast<long>(sample.states.size()), "body of the motion");
-  return out;
-}
-
-/// @throws DataError, ShapeError
-void check_motion(const ConstrainedModel& model,
-                  const std::vector<ConstrainedParameter>& parameters, const BodyMotion& motion) {
-  if (motion.samples.empty() || parameters.empty())
-    throw DataError("constrained loss: got " + std::to_string(motion.samples.size()) +
-                    " samples and " + std::to_string(parameters.size()) +
-                    " parameters, expected at least one of either");
-  for (const BodySample& s : motion.samples)
-    if (s.states.size() != motion.noise.size() || s.accelerations.size() != motion.noise.size())
-      throw ShapeError("constrained loss: the sample at " + detail::number_text(s.time) +
-                       " s has " + std::to_string(s.states.size()) + " states and " +
-                       std::to_string(s.accelerations.size()) + " accelerations, expected " +
-                       std::to_string(motion.noise.size()) + " as BodyMotion::noise has bodies");
-  VecX<double> p(static_cast<Eigen::Index>(parameters.size()));
-  for (Eigen::Index k = 0; k < p.size(); ++k) p[k] = parameters[k].value;
-  const ConstrainedSystem<double> first = model.at(motion.samples.front(), p);
-  for (std::size_t b = 0; b < motion.noise.size(); ++b) {
-    const BodyKind kind = first.bodies[b].kind;
-    if (kind == BodyKind::kPrescribed) continue;
-    if (!(motion.noise[b].position[2] > 0.0) ||
-        (kind == BodyKind::kRigid && !(motion.noise[b].angle[2] > 0.0)))
-      throw DataError("constrained loss: body " + std::to_string(b) +
-                      " has a noise of its acceleration of " +
-                      detail::number_text(motion.noise[b].position[2]) + " m/s² and " +
-                      detail::number_text(motion.noise[b].angle[2]) +
-                      " rad/s², expected more than 0; a body without extent is a particle(), one "
-                      "that is driven is prescribed");
-  }
-}
-
 }  // namespace
-
-ConstrainedSystem<double> ConstrainedModel::at(const BodySample& sample,
-                                               const VecX<double>& p) const {
-  return system_at(plain_, sample, p, {});
-}
-ConstrainedSystem<JetD> ConstrainedModel::at(const BodySample& sample, const VecX<JetD>& p,
-                                             const MotionVariables& variables) const {
-  return system_at(jets_, sample, p, variables);
-}
 
 ConstrainedFit fit_constrained(const ConstrainedModel& model,
                                const std::vector<ConstrainedParameter>& parameters,
                                const BodyMotion& motion, const ConstrainedFitOptions& options) {
-  check_motion(model, parameters, motion);
+  require_bodies(model, parameters, motion);
   ConstrainedDescent descent(model, parameters, motion, options);
   ConstrainedFit out;
   const DescentEnd end =
