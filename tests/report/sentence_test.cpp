@@ -85,6 +85,26 @@ TEST_CASE("sentence: where few effects were tried, it speaks of those", "[report
   CHECK(sentence(finding) == "Nothing was tried: joint elasticity needs a faster log.");
 }
 
+TEST_CASE("refusals: one line for what joints were refused for alike, others with their evidence",
+          "[report]") {
+  const std::string untried = "not tried: no derivative", worse = "does not help";
+  const std::vector<report::RefusedTogether> found =
+      report::refused_together({{"actuator_lag", "hip", untried, 0.0},
+                                {"cogging", "hip", worse, 12.0},
+                                {"actuator_lag", "knee", untried, 0.0},
+                                {"saturation", "hip", untried, 0.0},
+                                {"actuator_lag", "ankle", untried, 0.0},
+                                {"actuator_lag", "ankle", untried, 0.0},
+                                {"saturation", "knee", untried, 0.0},
+                                {"cogging", "knee", worse, 15.0}});
+  REQUIRE(found.size() == 3);
+  CHECK(found[0].what == "actuator lag at hip and 2 more, saturation at hip and knee");
+  CHECK(found[0].reason == untried);
+  CHECK(found[1].what == "cogging at hip");
+  CHECK(found[2].what == "cogging at knee");
+  CHECK(found[2].delta_bic == 15.0);
+}
+
 TEST_CASE("sentence: one effect at many joints is one word, and small causes are counted",
           "[report]") {
   Finding finding;
