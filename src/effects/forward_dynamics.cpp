@@ -54,8 +54,9 @@ ForwardDynamics::ForwardDynamics(ExtendedTree model)
     model_.tree.links[i].armature /= gains_[model_.tree.drive(i).dof];
   for (std::size_t k = 0; k < model_.effects.size(); ++k) {
     const BoundEffect& e = model_.effects[k];
-    if (reads_acceleration(e)) implicit_.push_back(k);
     Reads reads{joints_read(e)};
+    reads.implicit = reads_acceleration(e);
+    if (reads.implicit) implicit_.push_back(k);
     reads.coupled = e.info().place == Place::kJointPair || e.is_gear || reads.joints != e.joints;
     reads_.push_back(std::move(reads));
   }
@@ -87,8 +88,9 @@ void ForwardDynamics::effect_torques(const double* q, const double* qd, int run,
   x.qdd = x.tau = q;  // unread: what reads them is implicit
   x.command = command_;
   x.step = step_;
-  for (const BoundEffect& e : model_.effects)
-    if (!reads_acceleration(e)) add_torque(e, model_.tree, x, e.parameters.data(), tau);
+  for (std::size_t k = 0; k < model_.effects.size(); ++k)
+    if (const BoundEffect& e = model_.effects[k]; !reads_[k].implicit)
+      add_torque(e, model_.tree, x, e.parameters.data(), tau);
 }
 
 /// Torque of one effect at the Jets that q_, qd_, qdd_ and links_ hold, into effect_tau_.
@@ -105,7 +107,7 @@ void ForwardDynamics::torque_by_jets(const BoundEffect& e, int run) {
 /// directions 2i and 2i+1 belong to the effect's i-th joint, all joints at once where uncoupled.
 void ForwardDynamics::add_implicit(std::size_t effect, const double* qdd, int run) {
   const BoundEffect& e = model_.effects[effect];
-  const auto& [reads, coupled] = reads_[effect];
+  const auto& [reads, coupled, implicit] = reads_[effect];
   for (int j = 0; j < n_; ++j) {
     qdd_[j] = JetD(qdd[j]);
     links_[j] = JetD(transmitted_[j]);
@@ -203,7 +205,7 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
   }
   const auto add_slopes = [&](std::size_t effect, double* torque) {
     const BoundEffect& e = model_.effects[effect];
-    const auto& [reads, coupled] = reads_[effect];
+    const auto& [reads, coupled, implicit] = reads_[effect];
     for (std::size_t i = 0; i < reads.size(); ++i) {
       const std::size_t slot = coupled ? 2 * i : 0;
       q_[reads[i]].v[static_cast<long>(slot)] = 1.0;
@@ -227,7 +229,7 @@ void ForwardDynamics::linearise(const double* q, const double* qd, const double*
   };
   tau_.setZero();
   for (std::size_t effect = 0; effect < model_.effects.size(); ++effect)
-    if (!reads_acceleration(model_.effects[effect])) add_slopes(effect, tau_.data());
+    if (!reads_[effect].implicit) add_slopes(effect, tau_.data());
   for (int j = 0; j < n_; ++j) tau_[j] = (u[j] - tau_[j]) / gains_[j];
   const Eigen::Map<const VecX<double>> q_map(q, n_), qd_map(qd, n_);
   if (is_implicit()) {

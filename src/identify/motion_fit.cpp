@@ -17,7 +17,8 @@ constexpr double kShapeScale = 0.1;
 /// Residuals this far below the noise hold nothing more, share of χ²/2 that noise would leave.
 constexpr double kBelowNoise = 1e-3;
 
-/// Share of a window's excess that half a step of its state must change for others to be tried.
+/// Share of a window's excess that half a step of its state must change for others to be tried, and
+/// share of what all windows gain that the excess of some must be.
 constexpr double kMatters = 0.1;
 /// Share of the objective that a linearisation promises and need not keep: friction has corners.
 constexpr double kUnkept = 1e-3;
@@ -26,6 +27,9 @@ constexpr double kUnkept = 1e-3;
 constexpr int kStalls = 5;
 constexpr double kUnkeptAtLast = 0.05;
 
+/// Share of a refused step's length that the next one has at most (Moré 1978), and damping at which
+/// there is no shorter one.
+constexpr double kShorter = 0.5, kMostDamping = 1e9;
 /// Steps like the last one that a fit may need to catch up with its rival.
 constexpr double kPatience = 10.0;
 
@@ -142,22 +146,25 @@ std::vector<ReducedWindow> MotionFitter::linearise(Workers& workers,
   return out;
 }
 
-/// Costs of all windows, each from the best of its states along the Gauss–Newton step: a window
-/// near an unstable equilibrium must not hold back the others.
+/// Costs of all windows at the ends of their states' steps. Where a window is worse than before,
+/// and that matters, shorter steps of its state are tried: one near an unstable equilibrium must
+/// not hold back the others.
 /// @param windows  with the states where the step begins
 /// @param to       states where it ends; moved back where that is worse
-/// @param before   costs at the beginning; shorter steps are tried only where the full one is worse
+/// @param before   costs at the beginning
 std::vector<double> MotionFitter::costs(Workers& workers, const std::vector<MotionWindow>& windows,
                                         std::vector<VecX<double>>& to,
                                         const std::vector<double>& before) const {
   std::vector<double> out(windows.size());
   parallel_for(windows.size(), workers.size(), [&](std::size_t i, std::size_t t) {
-    JointWindows& simulator = *workers[t];
+    MotionWindow w = windows[i];
+    w.state = to[i];
+    out[i] = workers[t]->cost(problem_.stretches[w.stretch], w, problem_.sigma);
+  });
+  const auto shorten = [&](std::size_t i, JointWindows& simulator) {
     const MotionStretch& stretch = problem_.stretches[windows[i].stretch];
     MotionWindow w = windows[i];
     const VecX<double> from = w.state, full = to[i] - from;
-    w.state = to[i];
-    out[i] = simulator.cost(stretch, w, problem_.sigma);
     const auto attempt = [&](double share) {
       w.state = from + share * full;
       const double c = simulator.cost(stretch, w, problem_.sigma);
@@ -174,7 +181,27 @@ std::vector<double> MotionFitter::costs(Workers& workers, const std::vector<Moti
     }
     // At a jump, as where a hidden rotor begins on the other flank, the shortest step is too long.
     if (out[i] > before[i]) attempt(0.0);
-  });
+  };
+  std::vector<std::size_t> worse;
+  double gained = 0.0;
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (out[i] > before[i])
+      worse.push_back(i);
+    else if (before[i] < kInfinity)
+      gained += before[i] - out[i];
+  const auto excess = [&](std::size_t i) { return out[i] - before[i]; };
+  std::ranges::stable_sort(worse, std::greater(), excess);
+  std::vector<double> left(worse.size() + 1, 0.0);  // excess of a window and those after it
+  for (std::size_t k = worse.size(); k-- > 0;) left[k] = left[k + 1] + excess(worse[k]);
+  // Some at a time, however many threads there are, until the others matter no more.
+  constexpr std::size_t kAtOnce = 4;
+  for (std::size_t k = 0; k < worse.size(); k += kAtOnce) {
+    if (!(left[k] > kMatters * gained) || gained < 0.0) break;
+    const std::size_t count = std::min(kAtOnce, worse.size() - k);
+    parallel_for(count, workers.size(),
+                 [&](std::size_t i, std::size_t t) { shorten(worse[k + i], *workers[t]); });
+    for (std::size_t i = 0; i < count; ++i) gained -= excess(worse[k + i]);
+  }
   return out;
 }
 
@@ -212,12 +239,21 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
     const VecX<double> d = R * at - whole.d();  // R (x_new − x) = −r
 
     bool accepted = false;
-    double gained = 0.0;
+    double gained = 0.0, refused = kInfinity, length = 0.0;  // of the last step, of this one
     for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
       VecX<double> x_new, shape_new, dx(f);
-      step(d, damping, x_new, shape_new);
-      for (int k = 0; k < f; ++k)
-        dx[k] = coordinate(free_[static_cast<std::size_t>(k)], x_new, shape_new) - at[k];
+      while (true) {
+        step(d, damping, x_new, shape_new);
+        double square = 0.0;
+        for (int k = 0; k < f; ++k) {
+          const int column = free_[static_cast<std::size_t>(k)];
+          dx[k] = coordinate(column, x_new, shape_new) - at[k];
+          square += curvature(column) * dx[k] * dx[k];
+        }
+        length = std::sqrt(square);
+        if (!(length > kShorter * refused) || damping > kMostDamping) break;
+        damping *= 10.0;
+      }
       std::vector<VecX<double>> next = states_of(windows);
       for (std::size_t i = 0; i < windows.size(); ++i)
         if (reduced[i].finite) next[i] += reduced[i].state_step(dx);
@@ -236,6 +272,7 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
         accepted = true;
       } else {
         damping *= 10.0;
+        refused = length;
       }
     }
     ++now_.iterations;
@@ -358,6 +395,11 @@ double MotionFitter::weak(long column) const {
   return (column < problem_.scale.size() ? blur_ : misfit()) / (10.0 * scale_of(column));
 }
 
+/// Curvature of the objective along a column, which damping is a multiple of.
+double MotionFitter::curvature(long column) const {
+  return now_.R.col(column).squaredNorm() + std::pow(0.1 / scale_of(column), 2);
+}
+
 /// Levenberg–Marquardt step as a convex fit: consistency exact, damping and prior as Gaussians.
 void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
                         VecX<double>& shape) const {
@@ -387,8 +429,7 @@ void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
     problem.d[f + c] = weak(c) * coordinate(c, start_, start_shape_);
   }
   for (long c = 0; c < columns; ++c) {
-    const double curvature = now_.R.col(c).squaredNorm() + std::pow(0.1 / scale_of(c), 2);
-    problem.prior_information(c, c) = damping * curvature;
+    problem.prior_information(c, c) = damping * curvature(c);
     if (is_free[static_cast<std::size_t>(c)] == 0)
       problem.fixed.push_back(static_cast<int>(c));
     else if (nonnegative(c))

@@ -103,6 +103,7 @@ class MotionFitter {
   double weak(long column) const;
   double coordinate(long column, const VecX<double>& x, const VecX<double>& shape) const;
   double scale_of(long column) const;
+  double curvature(long column) const;
 
   const MotionProblem& problem_;
   MotionOptions options_;

@@ -198,11 +198,9 @@ bool MotionPath::leaves_rest(const MatX<double>& A, int joint) const {
 }
 
 /// Longest step that leads over no reversal [s], where dry friction reads velocities, if that is
-/// less than `step`; leaves q̈ and the mass matrix.
-double MotionPath::step_to_turn(const MatX<double>& A, const VecX<double>& u, int run,
-                                double step) {
+/// less than `step`, at the present q̈; leaves the mass matrix.
+double MotionPath::step_to_turn(const MatX<double>& A, int run, double step) {
   const double *q = A.data(), *qd = A.data() + n_;
-  dynamics_.acceleration(q, qd, u.data(), run, qdd_.data());
   mass_ = mass_matrix<double, double>(dynamics_.model().tree, Eigen::Map<const VecX<double>>(q, n_),
                                       mass_ws_);
   probe_ = A.col(0).tail(n_);

@@ -89,9 +89,11 @@ class MotionPath {
         for (double t = begin; t < end - 1e-12 * h;) {
           double step = end - t;
           bool stiff = false;
+          enter(t);
+          slope(u_, A, rk_.slope);
           if (steep) {
-            enter(t);
-            const double turn = step_to_turn(A, u_, stretch.run, step);
+            qdd_ = rk_.slope.col(0).tail(n_);
+            const double turn = step_to_turn(A, stretch.run, step);
             const double steepest =
                 dynamics_.is_implicit() ? friction_rate(A, kAtRest, stretch.run) : finest;
             if (step * steepest > kStops) step = turn;
@@ -108,7 +110,7 @@ class MotionPath {
           if (stiff)
             implicit_step(at_share, step, A);
           else
-            rk_.step(at_share, step, A);
+            rk_.go_on(at_share, step, A);
           t += step;
           if (++steps > kMostSteps || !(A.col(0).cwiseAbs().maxCoeff() < kBlowUp)) return k + 1;
         }
@@ -159,11 +161,12 @@ class MotionPath {
   double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
   double step_of_gears() const;
   bool leaves_rest(const MatX<double>& A, int joint) const;
-  double step_to_turn(const MatX<double>& A, const VecX<double>& u, int run, double step);
+  double step_to_turn(const MatX<double>& A, int run, double step);
   enum Speed { kAtRest, kAsItMoves };
   double friction_rate(const MatX<double>& A, Speed speed, int run);
   void friction(const double* q, const double* qd, int run, VecX<double>& tau);
 
+  /// From the slope that `rk_` holds.
   template <class Slope>
   void implicit_step(const Slope& slope, double h, MatX<double>& A) {
     static constexpr double kGamma = 1.7071067811865476;  // 1 + 1/√2: monotone with any D above
@@ -174,7 +177,7 @@ class MotionPath {
       rates_.noalias() = mass_ * slope_of.bottomRows(n_);
       slope_of.bottomRows(n_) = factor_.solve(rates_);
     };
-    slope(0.0, A, first_);
+    first_ = rk_.slope;
     damped(first_);
     stage_ = A + h * first_;
     slope(1.0, stage_, second_);

@@ -15,6 +15,12 @@ struct RungeKutta4 {
   template <class Slope>
   void step(const Slope& f, double h, State& z) {
     f(0.0, z, slope);
+    go_on(f, h, z);
+  }
+
+  /// The same from the slope at t, which `slope` holds.
+  template <class Slope>
+  void go_on(const Slope& f, double h, State& z) {
     sum = z + (h / 6.0) * slope;
     stage = z + (0.5 * h) * slope;
     f(0.5, stage, slope);

@@ -99,6 +99,7 @@ class ForwardDynamics {
   struct Reads {
     std::vector<int> joints;
     bool coupled = false;  ///< one joint's torque depends on another
+    bool implicit = false;  ///< reads_acceleration()
   };
   std::vector<Reads> reads_;
   std::vector<std::size_t> implicit_;  ///< effects that read q̈ or the transmitted torque
