@@ -27,6 +27,9 @@ long count(const std::vector<MotionStretch>& stretches, const std::vector<Motion
   return out;
 }
 
+/// Fall of χ² that noise gives a parameter on average: scores beside both points are the same.
+constexpr double kOfNoise = 1.0;
+
 std::vector<std::string> names_of(const std::vector<EffectSpec>& terms) {
   std::vector<std::string> out;
   for (const EffectSpec& t : terms) out.push_back(t.where + "." + t.effect);
@@ -187,9 +190,11 @@ MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
   const auto take = [&](MotionSolution one) {
     run.within_reach = std::min(run.within_reach, one.within_reach);
     if (of.best && !(one.cost < of.best->cost)) return;
+    if (!of.best || one.cost < of.best->cost - kOfNoise) {
+      of.scored.clear();
+      of.scores.clear();
+    }
     of.best = std::move(one);
-    of.scored.clear();
-    of.scores.clear();
   };
   // With a score its drive has moved, too.
   take(solved(of.begun ? std::move(*of.begun) : with_terms(from), terms, to_beat));
