@@ -26,6 +26,9 @@ constexpr double kSettled = 1e-3;
 /// Eigenvalue of the curvature, columns of length 1, over the largest, that counts as 0: the square
 /// of what rounding leaves of derivatives through ill-conditioned forces.
 constexpr double kUnseen = 1e-12;
+/// Change of the cost, residuals over their noise, by all of a positive parameter, below which it
+/// moves none: rounding makes 1e-20 of it.
+constexpr double kNothing = 1e-12;
 /// Square of a parameter's share in what is not seen, from which it is not known itself.
 constexpr double kPartOfUnseen = 1e-6;
 constexpr std::size_t kSamplesPerParameter = 10;  ///< at least
@@ -245,6 +248,14 @@ void ConstrainedDescent::linearise() {
     H_ += w * J.transpose() * J;
     g_ += w * J.transpose() * e;
     weighted_[k] = w * J;
+  }
+  for (Eigen::Index k = 0; k < P; ++k) {
+    if (parameters_[static_cast<std::size_t>(k)].sign != Sign::kPositive ||
+        H_(k, k) * p_[k] * p_[k] > kNothing)
+      continue;
+    H_.row(k).setZero();
+    H_.col(k).setZero();
+    g_[k] = 0.0;
   }
 }
 
