@@ -159,6 +159,11 @@ Weighings ConstrainedDescent::weighings_at(const VecX<double>& p) const {
       const ConstraintRow<double>& row = system.rows[i];
       w.acts.push_back(row.relation == Relation::kEqual || shown[i]);
       changes = changes || row.relation == Relation::kAtMost;
+      if (!std::isfinite(row.g + row.gd + row.bias + row_noise(row, motion_.noise, 0)))
+        throw DataError("constrained loss: constraint '" + row.name + "' has no " +
+                        (std::isfinite(row.g) ? "derivative" : "value") + " at " +
+                        detail::number_text(sample.time) +
+                        " s; begin with parameters that its formula allows at every sample");
       if (!(row_noise(row, motion_.noise, 0) > 0.0 && row_noise(row, motion_.noise, 1) > 0.0 &&
             row_noise(row, motion_.noise, 2) > 0.0))
         throw DataError("constrained loss: constraint '" + row.name + "' at " +
