@@ -1,5 +1,7 @@
 /// Bodies in maximal coordinates under constraints.
 
+#include <cmath>
+
 #include <diffnea/core/error.hpp>
 
 #include "bindings.hpp"
@@ -99,6 +101,21 @@ ConstrainedDerivatives split(const World& w, const RowMatX<double>& J) {
   return out;
 }
 
+/// @param where  the function, for messages
+/// @throws ModelError naming a constraint that has no value or no derivative at the state
+void require_numbers(const std::string& where, const std::vector<ConstraintRow<double>>& rows) {
+  for (const ConstraintRow<double>& row : rows) {
+    double sum = row.g + row.gd + row.bias;
+    for (const Wrench<double>& J : row.J) sum += dot(J.torque, J.torque) + dot(J.force, J.force);
+    if (!std::isfinite(sum))
+      throw ModelError(
+          where + ": constraint '" + row.name + "' has no " +
+          (std::isfinite(row.g) ? "derivative" : "value") +
+          " at these poses and twists: a division by 0, the root of 0 or the logarithm "
+          "of less are none; write it so that it is smooth here");
+  }
+}
+
 ConstrainedMotion constrained_acceleration_of(const std::vector<Body>& bodies,
                                               const std::vector<NamedConstraint>& constraints,
                                               const py::object& pose, const py::object& twist,
@@ -122,6 +139,7 @@ ConstrainedMotion constrained_acceleration_of(const std::vector<Body>& bodies,
   {
     const py::gil_scoped_release release;
     x = assemble(w);
+    require_numbers(where, x.rows);
     found = accelerate(w, x);
     for (std::size_t b = 0; b < w.bodies.size(); ++b) {
       const auto row = static_cast<Eigen::Index>(b);
@@ -162,6 +180,7 @@ py::array after_impact_of(const std::vector<Body>& bodies,
   {
     const py::gil_scoped_release release;
     const Assembled<double> x = assemble(w);
+    require_numbers("after_impact", x.rows);
     const std::vector<Twist<double>> V = after_impact(x.bodies, x.states, x.rows, restitution);
     for (std::size_t b = 0; b < V.size(); ++b)
       write_twist(V[b].angular, V[b].linear, out.row(static_cast<Eigen::Index>(b)).data());

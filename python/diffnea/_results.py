@@ -66,8 +66,9 @@ def constrained_fit_text(fit: ConstrainedFit) -> str:
     ]
     width = max(len(p.name) for p in fit.parameters)
     for p in fit.parameters:
-        error = f"± {p.std:.2g}" if p.identifiable else "not told by this motion"
-        lines.append(f"  {p.name:{width}}  {p.value:.6g} {error} {p.unit}".rstrip())
+        error = f" ± {p.std:.2g}" if p.identifiable else ""
+        line = f"  {p.name:{width}}  {p.value:.6g}{error} {p.unit}".rstrip()
+        lines.append(line if p.identifiable else f"{line}, not told by this motion")
     lines += [f"  {e.name}: g is {e.over_noise:.2g} of its noise (rms)" for e in fit.errors]
     return "\n".join(lines)
 

@@ -229,6 +229,37 @@ def test_a_rigid_body_s_centre_and_inertia_remain_possible() -> None:
     assert principal[2] < principal[0] + principal[1]
 
 
+def test_a_pose_is_found_as_far_as_it_shows() -> None:
+    """A plane on which a particle slides: its tilt and height, not what moves it in itself."""
+
+    def on_plane(X, frame):
+        return frame[:3, 2] @ (X[0, :3, 3] - frame[:3, 3])
+
+    slope, start = 0.3, np.array([0.2, 0.1, 0.4])
+    normal = np.array([np.sin(slope), 0, np.cos(slope)])
+    down = G - normal * (normal @ G)
+    t = np.arange(500)[:, None] / RATE
+    place = start + t * [0, 1.5, 0] - 1.2 * t * down + t**2 / 2 * down
+    frame = np.eye(4)
+    frame[2, 3] = 0.5
+    plane = diffnea.Constraint(on_plane, 0, frame=frame)
+    data = {"time": t[:, 0], "pose": seen(np.eye(3), place, seed=0, turn=0.0)}
+    fit = diffnea.fit_constrained(BALL, [plane], ["on_plane"], **data)
+    names = ("rx", "ry", "rz", "x", "y", "z")
+    told = [fit.parameters[f"on_plane.frame.{name}"].identifiable for name in names]
+    assert not any(told[2:5])
+    found = fit.constraints[0].parameters["frame"]
+    np.testing.assert_allclose(found[:3, 2], normal, atol=5e-4)
+    assert found[:3, 2] @ (start - found[:3, 3]) == pytest.approx(0.0, abs=1e-3)
+
+    free = ["on_plane.frame.ry", "on_plane.frame.z"]
+    fit = diffnea.fit_constrained(BALL, [plane], free, **data)
+    tilt = fit.parameters["on_plane.frame.ry"]
+    assert abs(tilt.value - slope) < 4 * tilt.std
+    assert tilt.std < 1e-3
+    assert fit.parameters["on_plane.frame.z"].identifiable
+
+
 def test_a_gap_parts_the_motion() -> None:
     """Rows on both sides of a gap are not smoothed together."""
     time, pose = pendulum(seed=2)
@@ -266,6 +297,9 @@ def test_contradictions_and_mistakes_are_named() -> None:
     skate = diffnea.Constraint("skate", 0, p_BP=[0, 0, 0], across_B=[0, 1, 0])
     with pytest.raises(diffnea.Error, match="across_B' is a unit vector, and cannot be free"):
         diffnea.fit_constrained(BALL, [skate], ["skate"], **data)
+    bow = diffnea.Constraint(lambda X, h: np.log(X[0, 2, 3] - h), 0, "bow", h=1.0)
+    with pytest.raises(diffnea.DataError, match=r"constraint 'bow' has no value at .* s; begin"):
+        diffnea.fit_constrained(BALL, [bow], ["bow.h"], **data)
     lamina = diffnea.FreeBody([1.0, 0, 0, 0, 0.1, 0, 0, 0.1, 0, 0.2])
     with pytest.raises(diffnea.ModelError, match=r"bodies\[0\]\.inertia is free, and begins where"):
         diffnea.fit_constrained([lamina], [rod], ["bodies[0].inertia"], **data)

@@ -240,6 +240,13 @@ def test_what_cannot_be_traced_is_refused() -> None:
         diffnea.Constraint(lambda X: np.floor(X[0, 2, 3]), 0)
 
 
+def test_a_state_without_a_value_or_a_derivative_is_refused() -> None:
+    with pytest.raises(diffnea.ModelError, match="constraint 'tie' has no value at these poses"):
+        bead(lambda X: np.log(X[0, 0, 3]), -1.0)
+    with pytest.raises(diffnea.ModelError, match="constraint 'tie' has no derivative at these"):
+        bead(lambda X: np.sqrt(X[0, 0, 3] ** 2), 0.0)
+
+
 def test_mistakes_are_named() -> None:
     def g(X, height):
         return X[0, 2, 3] - height
