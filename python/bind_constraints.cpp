@@ -1,5 +1,7 @@
 /// Bodies in maximal coordinates under constraints.
 
+#include <cmath>
+
 #include <diffnea/core/error.hpp>
 
 #include "bindings.hpp"
@@ -19,9 +21,8 @@ const std::map<BodyKind, const char*>& body_kinds() {
 }
 
 py::object parameter_out(const ParameterShape& shape, const std::vector<double>& numbers) {
-  if (shape.size == 1) return py::float_(numbers[0]);
-  if (shape.size == 3) return array_out(numbers);
-  return py::array_t<double>({4, 4}, numbers.data());
+  if (shape.shape.empty()) return py::float_(numbers[0]);
+  return py::array_t<double>(shape.shape, numbers.data());
 }
 
 // --- what comes back
@@ -92,13 +93,27 @@ ConstrainedDerivatives split(const World& w, const RowMatX<double>& J) {
   ConstrainedDerivatives out{of_bodies(0, 6), of_bodies(6, 6), of_bodies(12, kThetaSize), {}};
   Eigen::Index next = n * kPerBody;
   for (const NamedConstraint& c : w.constraints)
-    for (const ParameterShape& p : c.shape().parameters) {
-      const int count = p.size == 16 ? 6 : p.size;
+    for (const ParameterShape& p : c.shapes) {
       std::vector<Eigen::Index> which;
-      for (int k = 0; k < count; ++k) which.push_back(next++);
-      out.parameters[py::str(c.name + "." + p.name)] = columns(J, which, {n, 6, count});
+      for (std::size_t k = 0; k < p.unknowns(); ++k) which.push_back(next++);
+      out.parameters[py::str(c.name + "." + p.name)] = columns(J, which, {n, 6, std::ssize(which)});
     }
   return out;
+}
+
+/// @param where  the function, for messages
+/// @throws ModelError naming a constraint that has no value or no derivative at the state
+void require_numbers(const std::string& where, const std::vector<ConstraintRow<double>>& rows) {
+  for (const ConstraintRow<double>& row : rows) {
+    double sum = row.g + row.gd + row.bias;
+    for (const Wrench<double>& J : row.J) sum += dot(J.torque, J.torque) + dot(J.force, J.force);
+    if (!std::isfinite(sum))
+      throw ModelError(
+          where + ": constraint '" + row.name + "' has no " +
+          (std::isfinite(row.g) ? "derivative" : "value") +
+          " at these poses and twists: a division by 0, the root of 0 or the logarithm "
+          "of less are none; write it so that it is smooth here");
+  }
 }
 
 ConstrainedMotion constrained_acceleration_of(const std::vector<Body>& bodies,
@@ -124,6 +139,7 @@ ConstrainedMotion constrained_acceleration_of(const std::vector<Body>& bodies,
   {
     const py::gil_scoped_release release;
     x = assemble(w);
+    require_numbers(where, x.rows);
     found = accelerate(w, x);
     for (std::size_t b = 0; b < w.bodies.size(); ++b) {
       const auto row = static_cast<Eigen::Index>(b);
@@ -164,6 +180,7 @@ py::array after_impact_of(const std::vector<Body>& bodies,
   {
     const py::gil_scoped_release release;
     const Assembled<double> x = assemble(w);
+    require_numbers("after_impact", x.rows);
     const std::vector<Twist<double>> V = after_impact(x.bodies, x.states, x.rows, restitution);
     for (std::size_t b = 0; b < V.size(); ++b)
       write_twist(V[b].angular, V[b].linear, out.row(static_cast<Eigen::Index>(b)).data());
@@ -219,6 +236,45 @@ void bind_body(py::module_& m) {
   c.attr("__module__") = "diffnea";
 }
 
+py::tuple constraint_state(const NamedConstraint& x) {
+  py::list shapes, steps;
+  for (const ParameterShape& p : x.shapes)
+    shapes.append(py::make_tuple(p.name, p.shape, p.unit, p.positive));
+  if (!x.function)
+    return py::make_tuple(x.kind, x.name, x.bodies, shapes, x.parameters, py::none());
+  for (const Step& step : x.function->g.steps)
+    steps.append(py::make_tuple(static_cast<int>(step.operation), step.a, step.b, step.constant));
+  return py::make_tuple(x.kind, x.name, x.bodies, shapes, x.parameters,
+                        py::make_tuple(steps, x.function->g.results, x.function->of_velocity,
+                                       x.function->relation == Relation::kAtMost));
+}
+
+NamedConstraint constraint_of(const py::tuple& t) {
+  NamedConstraint out{t[0].cast<std::string>(),
+                      t[1].cast<std::string>(),
+                      t[2].cast<std::vector<int>>(),
+                      {},
+                      t[4].cast<std::vector<std::vector<double>>>(),
+                      nullptr};
+  for (const py::handle of : t[3]) {
+    const auto p = of.cast<py::tuple>();
+    out.shapes.push_back({p[0].cast<std::string>(), p[1].cast<std::vector<py::ssize_t>>(),
+                          p[2].cast<bool>(), p[3].cast<bool>()});
+  }
+  if (t[5].is_none()) return out;
+  const auto its = t[5].cast<py::tuple>();
+  TracedFunction f{{{}, its[1].cast<std::vector<int>>()},
+                   its[2].cast<bool>(),
+                   its[3].cast<bool>() ? Relation::kAtMost : Relation::kEqual};
+  for (const py::handle of : its[0]) {
+    const auto step = of.cast<py::tuple>();
+    f.g.steps.push_back({static_cast<Operation>(step[0].cast<int>()), step[1].cast<int>(),
+                         step[2].cast<int>(), step[3].cast<double>()});
+  }
+  out.function = std::make_shared<TracedFunction>(std::move(f));
+  return out;
+}
+
 void bind_constraint(py::module_& m) {
   py::class_<NamedConstraint> c(
       m, "Constraint",
@@ -232,34 +288,34 @@ void bind_constraint(py::module_& m) {
       "* ``wheel_contact``: ``p_BC``, ``axle_B``, ``radius``: a thin wheel touches z = 0\n"
       "* ``rolling_wheel``: the same: where it touches it does not slip\n"
       "* ``skate``: ``p_BP``, ``across_B``: no velocity of P along ``across_B``\n\n"
-      "``name``: as errors and results name it, the kind's by default.");
-  c.def(py::init([](const std::string& kind, const py::object& bodies, const std::string& name,
-                    const py::kwargs& parameters) {
-          return constraint_in(kind, bodies, name, parameters);
+      "Or ``kind`` is a function ``g(X, **parameters)``, ``g(X, V, **parameters)`` if it is of "
+      "velocities: ``X`` (n, 4, 4)\nare the poses of ``bodies`` in the world, ``V`` (n, 6) "
+      "their twists in their own frames, angular first, and it\nreturns g, a number or a list. "
+      "``relation``: ``equal``, g = 0, or ``at_most``, g <= 0. Parameters are numbers\nand "
+      "arrays; (4, 4) is a pose. It is called once, with symbols: arithmetic, ``@`` and numpy's "
+      "``sqrt``, ``exp``,\n``log``, ``sin``, ``cos``, ``tan``, ``arcsin``, ``arccos``, "
+      "``arctan``, ``arctan2``, ``hypot``, ``cross``, ``linalg.norm``\nwork on them; a comparison "
+      "raises :class:`Error`.\n\n"
+      "``name``: as errors and results name it, the kind's or the function's by default.");
+  c.def(py::init([](const py::object& kind, const py::object& bodies, const std::string& name,
+                    const std::string& relation, const py::kwargs& parameters) {
+          return constraint_in(kind, bodies, name, relation, parameters);
         }),
-        "kind"_a, "bodies"_a, "name"_a = "")
+        "kind"_a, "bodies"_a, "name"_a = "", py::kw_only(), "relation"_a = "equal")
       .def_property_readonly(
-          "kind", [](const NamedConstraint& x) { return x.kind; }, "``rod``, ``string`` …")
+          "kind", [](const NamedConstraint& x) { return x.kind; },
+          "``rod``, ``string`` …, or the name of the function.")
       .def_property_readonly(
           "name", [](const NamedConstraint& x) { return x.name; }, "As errors name it.")
       .def_property_readonly(
-          "bodies",
-          [](const NamedConstraint& x) {
-            py::tuple out(x.bodies.size());
-            for (std::size_t b = 0; b < x.bodies.size(); ++b)
-              out[b] = x.bodies[b] == kWorld ? py::object(py::none())
-                                             : py::object(py::int_(x.bodies[b]));
-            return out;
-          },
+          "bodies", [](const NamedConstraint& x) { return bodies_out(x.bodies); },
           "Indices; None: the world.")
       .def_property_readonly(
           "parameters",
           [](const NamedConstraint& x) {
             py::dict out;
-            for (std::size_t p = 0; p < x.parameters.size(); ++p) {
-              const ParameterShape& shape = x.shape().parameters[p];
-              out[shape.name] = parameter_out(shape, x.parameters[p]);
-            }
+            for (std::size_t p = 0; p < x.parameters.size(); ++p)
+              out[x.shapes[p].name.c_str()] = parameter_out(x.shapes[p], x.parameters[p]);
             return out;
           },
           "By name: numbers and arrays.")
@@ -269,15 +325,7 @@ void bind_constraint(py::module_& m) {
                     std::string(py::repr(self.attr("bodies"))) +
                     ", name=" + std::string(py::repr(self.attr("name"))) + ")";
            })
-      .def(py::pickle(
-          [](const NamedConstraint& x) {
-            return py::make_tuple(x.kind, x.name, x.bodies, x.parameters);
-          },
-          [](const py::tuple& t) {
-            return NamedConstraint{t[0].cast<std::string>(), t[1].cast<std::string>(),
-                                   t[2].cast<std::vector<int>>(),
-                                   t[3].cast<std::vector<std::vector<double>>>()};
-          }));
+      .def(py::pickle(&constraint_state, &constraint_of));
   c.attr("__module__") = "diffnea";
 }
 

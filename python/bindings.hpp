@@ -16,6 +16,7 @@ void bind_audit(pybind11::module_& m);
 void bind_ball(pybind11::module_& m);
 void bind_ball_network(pybind11::module_& m);
 void bind_identify(pybind11::module_& m);
+void bind_constrained_fit(pybind11::module_& m);
 void bind_diagnose(pybind11::module_& m);
 void bind_sim(pybind11::module_& m);
 void bind_policy(pybind11::module_& m);

@@ -76,7 +76,11 @@ TRACE = "tuple[Array, tuple[str, ...], Array, Array, float, bool, str]"
 
 # Types of single arguments and of what comes back.
 REFINED: dict[str, dict[str, str]] = {
-    "Constraint.__init__": {"kwargs": "ArrayLike"},
+    "Constraint.__init__": {
+        "kind": "str | Callable[..., object]",
+        "relation": 'Literal["equal", "at_most"]',
+        "kwargs": "ArrayLike",
+    },
     "Constraint.bodies": {"return": "tuple[int | None, ...]"},
     "Effect.parameters": {"return": "dict[str, float]"},
     "Effect.table": {"return": "dict[str, Any] | None"},
@@ -127,6 +131,7 @@ REFINED: dict[str, dict[str, str]] = {
     "_worlds": {"return": "dict[str, Any]"},
     "after_impact": {"bodies": "Sequence[FreeBody]", "twist": "ArrayLike | None"},
     "constrained_acceleration": {"bodies": "Sequence[FreeBody]"},
+    "fit_constrained": {"bodies": "Sequence[FreeBody]"},
     "effects": {"return": "list[dict[str, Any]]"},
     "rnea_derivatives": {"return": "tuple[Array, Array, Array]"},
 }

@@ -56,6 +56,7 @@ PYBIND11_MODULE(_core, m) {
   diffnea::python::bind_ball(m);
   diffnea::python::bind_ball_network(m);
   diffnea::python::bind_identify(m);
+  diffnea::python::bind_constrained_fit(m);
   diffnea::python::bind_diagnose(m);
   diffnea::python::bind_sim(m);
   diffnea::python::bind_policy(m);

@@ -12,6 +12,7 @@ import numpy as np
 from ._core import (
     AuditReport,
     Cause,
+    ConstrainedFit,
     Error,
     Finding,
     IdentifyResult,
@@ -54,6 +55,22 @@ class Parameters(list[ParameterEstimate]):
         pandas = import_pandas("Parameters.to_frame")
         frame: pd.DataFrame = pandas.DataFrame(rows, columns=columns).set_index("name")
         return frame
+
+
+def constrained_fit_text(fit: ConstrainedFit) -> str:
+    """Implement ``__repr__`` of a constrained fit: a line a number and a line a constraint."""
+    end = "converged" if fit.converged else f"not converged, {fit.termination},"
+    lines = [
+        f"ConstrainedFit: {end} after {fit.iterations} steps, {fit.samples} samples, "
+        f"chi2 {fit.chi2:.4g}"
+    ]
+    width = max(len(p.name) for p in fit.parameters)
+    for p in fit.parameters:
+        error = f" ± {p.std:.2g}" if p.identifiable else ""
+        line = f"  {p.name:{width}}  {p.value:.6g}{error} {p.unit}".rstrip()
+        lines.append(line if p.identifiable else f"{line}, not told by this motion")
+    lines += [f"  {e.name}: g is {e.over_noise:.2g} of its noise (rms)" for e in fit.errors]
+    return "\n".join(lines)
 
 
 def _number(x: float) -> str:

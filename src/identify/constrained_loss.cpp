@@ -26,6 +26,9 @@ constexpr double kSettled = 1e-3;
 /// Eigenvalue of the curvature, columns of length 1, over the largest, that counts as 0: the square
 /// of what rounding leaves of derivatives through ill-conditioned forces.
 constexpr double kUnseen = 1e-12;
+/// Change of the cost, residuals over their noise, by all of a positive parameter, below which it
+/// moves none: rounding makes 1e-20 of it.
+constexpr double kNothing = 1e-12;
 /// Square of a parameter's share in what is not seen, from which it is not known itself.
 constexpr double kPartOfUnseen = 1e-6;
 constexpr std::size_t kSamplesPerParameter = 10;  ///< at least
@@ -156,6 +159,11 @@ Weighings ConstrainedDescent::weighings_at(const VecX<double>& p) const {
       const ConstraintRow<double>& row = system.rows[i];
       w.acts.push_back(row.relation == Relation::kEqual || shown[i]);
       changes = changes || row.relation == Relation::kAtMost;
+      if (!std::isfinite(row.g + row.gd + row.bias + row_noise(row, motion_.noise, 0)))
+        throw DataError("constrained loss: constraint '" + row.name + "' has no " +
+                        (std::isfinite(row.g) ? "derivative" : "value") + " at " +
+                        detail::number_text(sample.time) +
+                        " s; begin with parameters that its formula allows at every sample");
       if (!(row_noise(row, motion_.noise, 0) > 0.0 && row_noise(row, motion_.noise, 1) > 0.0 &&
             row_noise(row, motion_.noise, 2) > 0.0))
         throw DataError("constrained loss: constraint '" + row.name + "' at " +
@@ -245,6 +253,14 @@ void ConstrainedDescent::linearise() {
     H_ += w * J.transpose() * J;
     g_ += w * J.transpose() * e;
     weighted_[k] = w * J;
+  }
+  for (Eigen::Index k = 0; k < P; ++k) {
+    if (parameters_[static_cast<std::size_t>(k)].sign != Sign::kPositive ||
+        H_(k, k) * p_[k] * p_[k] > kNothing)
+      continue;
+    H_.row(k).setZero();
+    H_.col(k).setZero();
+    g_[k] = 0.0;
   }
 }
 

@@ -28,6 +28,10 @@ TEST_CASE("dual numbers: first and second derivatives of every function", "[cons
   check(exp(t), std::exp(x), std::exp(x), std::exp(x));
   check(log(t), std::log(x), 1 / x, -1 / (x * x));
   check(sqrt(t), std::sqrt(x), 0.5 / std::sqrt(x), -0.25 / (x * std::sqrt(x)));
+  check(atan2(t, Twice(2.0)), std::atan2(x, 2.0), 2 / (4 + x * x),
+        -4 * x / ((4 + x * x) * (4 + x * x)));
+  check(atan2(Twice(2.0), t), std::atan2(2.0, x), -2 / (4 + x * x),
+        4 * x / ((4 + x * x) * (4 + x * x)));
   check(1.0 / t, 1 / x, -1 / (x * x), 2 / (x * x * x));
   check(t * t - 3.0 * t, x * x - 3 * x, 2 * x - 3, 2.0);
 }

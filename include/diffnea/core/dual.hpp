@@ -110,6 +110,15 @@ Dual<T, N> log(const Dual<T, N>& x) {
   using std::log;
   return x.chained(log(x.a), T(1.0) / x.a);
 }
+/// Angle of the point (x, y) [rad]; not (0, 0).
+template <class T, int N>
+Dual<T, N> atan2(const Dual<T, N>& y, const Dual<T, N>& x) {
+  using std::atan2;
+  const T per = T(1.0) / (x.a * x.a + y.a * y.a);
+  Dual<T, N> out(atan2(y.a, x.a));
+  for (std::size_t k = 0; k < N; ++k) out.v[k] = (x.a * y.v[k] - y.a * x.v[k]) * per;
+  return out;
+}
 
 /// The plain number, without derivatives.
 template <class T, int N>

@@ -12,7 +12,8 @@
 ///     template <class T>
 ///     std::array<T, kRows> operator()(const std::array<Pose<T>, kBodies>&) const;
 ///
-/// or with a second argument, std::array<Twist<T>, kBodies>, the bodies' twists in their frames.
+/// or with a second argument, std::array<Twist<T>, kBodies>, the bodies' twists in their frames. If
+/// the number of rows is known at run time alone, it returns std::vector<T> and has no kRows.
 /// dynamics/constraints.hpp has examples: rod, hinge, string, rolling wheel, skate.
 
 #include <array>

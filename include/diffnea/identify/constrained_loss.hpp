@@ -108,9 +108,9 @@ struct ConstrainedFit {
 };
 
 /// Parameters by the constrained loss: Levenberg–Marquardt from their values.
-/// @throws DataError if samples are too few, if a body's noise is zero that its equations need, or
-///         if a constraint without a free parameter is off by more than noise: its name, by how
-///         much, and the constraints that leave it no room
+/// @throws DataError if samples are too few, if a body's noise is zero that its equations need, if
+///         a constraint is no number at a sample, or if a constraint without a free parameter is
+///         off by more than noise: its name, by how much, and the constraints that leave it no room
 /// @throws ModelError as held_acceleration
 ConstrainedFit fit_constrained(const ConstrainedModel& model,
                                const std::vector<ConstrainedParameter>& parameters,

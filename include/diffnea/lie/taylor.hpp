@@ -66,7 +66,7 @@ T cotangent_defect(const T& s) {
 }
 
 /// θ / sin(θ/2), 0 ≤ θ ≤ π, of s = sin²(θ/2) and c = cos(θ/2): the factor from the vector part of a
-/// unit quaternion to the rotation vector. Not for duals, which have no atan2.
+/// unit quaternion to the rotation vector.
 template <class T>
 T angle_over_half_sine(const T& s, const T& c) {
   using std::atan2;

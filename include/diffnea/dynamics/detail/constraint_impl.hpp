@@ -86,8 +86,21 @@ void append_rows(const C& constraint, const std::string& name,
       column = column + R * cross(along.angular, Mat3<Gradient>::identity().col[j]);
     }
   }
-  std::array<T, C::kRows> g, gd, bias;
-  std::array<Gradient, C::kRows> gradient;
+  const std::size_t first = rows.size();
+  const auto append = [&](const auto& gradients) {
+    for (const Gradient& gradient : gradients) {
+      ConstraintRow<T> row;
+      row.name = name;
+      row.relation = C::kRelation;
+      row.of_velocity = of_velocity;
+      for (std::size_t b = 0; b < n; ++b) {
+        row.bodies[b] = bodies[b];
+        for (int k = 0; k < 6; ++k)
+          detail::component(row.J[b], k) = gradient.v[6 * b + static_cast<std::size_t>(k)];
+      }
+      rows.push_back(std::move(row));
+    }
+  };
   if constexpr (of_velocity) {
     std::array<Twist<Gradient>, n> V_gradient;
     std::array<Pose<Along>, n> X_along;
@@ -98,39 +111,26 @@ void append_rows(const C& constraint, const std::string& name,
       X_along[b] = detail::moved(at[b].X_WB, at[b].V, Along(T(0.0), 0));
       V_along[b] = detail::cast<Along>(at[b].V);
     }
-    gradient = constraint(X_gradient, V_gradient);
-    const std::array<Along, C::kRows> along = constraint(X_along, V_along);
-    for (std::size_t r = 0; r < C::kRows; ++r) {
-      g[r] = along[r].a;
-      gd[r] = T(0.0);
-      bias[r] = along[r].v[0];
+    append(constraint(X_gradient, V_gradient));
+    const auto along = constraint(X_along, V_along);
+    for (std::size_t r = 0; r < along.size(); ++r) {
+      ConstraintRow<T>& row = rows[first + r];
+      row.g = along[r].a;
+      row.gd = T(0.0);
+      row.bias = along[r].v[0];
     }
   } else {
-    gradient = constraint(X_gradient);
+    append(constraint(X_gradient));
     std::array<Pose<Twice>, n> X_twice;
     for (std::size_t b = 0; b < n; ++b)
       X_twice[b] = detail::moved(at[b].X_WB, at[b].V, Twice(Along(T(0.0), 0), 0));
-    const std::array<Twice, C::kRows> twice = constraint(X_twice);
-    for (std::size_t r = 0; r < C::kRows; ++r) {
-      g[r] = twice[r].a.a;
-      gd[r] = twice[r].v[0].a;
-      bias[r] = twice[r].v[0].v[0];
+    const auto twice = constraint(X_twice);
+    for (std::size_t r = 0; r < twice.size(); ++r) {
+      ConstraintRow<T>& row = rows[first + r];
+      row.g = twice[r].a.a;
+      row.gd = twice[r].v[0].a;
+      row.bias = twice[r].v[0].v[0];
     }
-  }
-  for (std::size_t r = 0; r < C::kRows; ++r) {
-    ConstraintRow<T> row;
-    row.name = name;
-    row.relation = C::kRelation;
-    row.of_velocity = of_velocity;
-    for (std::size_t b = 0; b < n; ++b) {
-      row.bodies[b] = bodies[b];
-      for (int k = 0; k < 6; ++k)
-        detail::component(row.J[b], k) = gradient[r].v[6 * b + static_cast<std::size_t>(k)];
-    }
-    row.g = g[r];
-    row.gd = gd[r];
-    row.bias = bias[r];
-    rows.push_back(std::move(row));
   }
 }
 
