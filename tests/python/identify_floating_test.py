@@ -95,7 +95,7 @@ def test_a_flight_has_the_library_s_torques_and_no_wrench(walker: Flyer, tmp_pat
     assert np.abs(off).max() < 0.01 * np.abs(x["twist"]).max()
 
 
-@pytest.mark.parametrize("pose", [POSE, POOR])
+@pytest.mark.parametrize("pose", [pytest.param(POSE, marks=pytest.mark.study), POOR])
 def test_base_parameters_lie_in_their_intervals(
     walker: Flyer, tmp_path: Path, pose: float
 ) -> None:
