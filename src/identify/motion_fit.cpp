@@ -239,7 +239,7 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
     const VecX<double> d = R * at - whole.d();  // R (x_new − x) = −r
 
     bool accepted = false;
-    double gained = 0.0, refused = kInfinity, length = 0.0;  // of the last step, of this one
+    double gained = 0.0, refused = kInfinity, length = 0.0;  // lengths: last step, this one
     for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
       VecX<double> x_new, shape_new, dx(f);
       while (true) {
