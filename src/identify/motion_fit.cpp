@@ -12,8 +12,6 @@
 namespace diffnea {
 namespace {
 
-/// Scale of a shape: ten times that, by the weak prior, is an e-fold, or 1 rad or m.
-constexpr double kShapeScale = 0.1;
 /// Residuals this far below the noise hold nothing more, share of χ²/2 that noise would leave.
 constexpr double kBelowNoise = 1e-3;
 
@@ -27,9 +25,6 @@ constexpr double kUnkept = 1e-3;
 constexpr int kStalls = 5;
 constexpr double kUnkeptAtLast = 0.05;
 
-/// Share of a refused step's length that the next one has at most (Moré 1978), and damping at which
-/// there is no shorter one.
-constexpr double kShorter = 0.5, kMostDamping = 1e9;
 /// Steps like the last one that a fit may need to catch up with its rival.
 constexpr double kPatience = 10.0;
 
@@ -239,25 +234,13 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
     const VecX<double> d = R * at - whole.d();  // R (x_new − x) = −r
 
     bool accepted = false;
-    double gained = 0.0, refused = kInfinity, length = 0.0;  // lengths: last step, this one
+    double gained = 0.0, refused = kInfinity;  // length of the last step
     for (int attempt = 0; attempt < 8 && !accepted; ++attempt) {
-      VecX<double> x_new, shape_new, dx(f);
-      while (true) {
-        step(d, damping, x_new, shape_new);
-        double square = 0.0;
-        for (int k = 0; k < f; ++k) {
-          const int column = free_[static_cast<std::size_t>(k)];
-          dx[k] = coordinate(column, x_new, shape_new) - at[k];
-          square += curvature(column) * dx[k] * dx[k];
-        }
-        length = std::sqrt(square);
-        if (!(length > kShorter * refused) || damping > kMostDamping) break;
-        damping *= 10.0;
-      }
+      const Step to = shorter_step(d, refused, damping);
       std::vector<VecX<double>> next = states_of(windows);
       for (std::size_t i = 0; i < windows.size(); ++i)
-        if (reduced[i].finite) next[i] += reduced[i].state_step(dx);
-      Workers tried = workers_at(x_new, shape_new, free_);
+        if (reduced[i].finite) next[i] += reduced[i].state_step(to.change);
+      Workers tried = workers_at(to.x, to.shape, free_);
       std::vector<double> parts_new = costs(tried, windows, next, parts);
       const Cost after = total(parts_new);
       if (after < now) {
@@ -265,14 +248,14 @@ void MotionFitter::fit(std::vector<MotionWindow>& windows, double tolerance, dou
         now = after;
         parts = std::move(parts_new);
         simulators = std::move(tried);
-        now_.x = x_new;
-        now_.shape = shape_new;
+        now_.x = to.x;
+        now_.shape = to.shape;
         set_states(next, windows);
         damping = std::max(damping * 0.2, 1e-9);
         accepted = true;
       } else {
         damping *= 10.0;
-        refused = length;
+        refused = to.length;
       }
     }
     ++now_.iterations;
@@ -349,129 +332,6 @@ double MotionFitter::cost(const std::vector<MotionWindow>& windows) const {
   double out = 0.0;
   for (const double c : parts) out += c;
   return out;
-}
-
-double MotionFitter::coordinate(long column, const VecX<double>& x,
-                                const VecX<double>& shape) const {
-  const long p = x.size();
-  if (column < p) return x[column];
-  const bool logarithmic = problem_.layout.shape[static_cast<std::size_t>(column - p)].logarithmic;
-  return logarithmic ? std::log(shape[column - p]) : shape[column - p];
-}
-
-double MotionFitter::scale_of(long column) const {
-  return column < problem_.scale.size() ? problem_.scale[column] : kShapeScale;
-}
-
-/// Gain of the parameters in an undamped step by the linearised windows [χ²/2]. States take theirs
-/// at every step, or are at a jump and promise it in vain.
-double MotionFitter::promise(const std::vector<ReducedWindow>& reduced,
-                             const VecX<double>& d) const {
-  const int f = static_cast<int>(free_.size());
-  VecX<double> x, shape, dx(f);
-  step(d, 0.0, x, shape);
-  for (int k = 0; k < f; ++k)
-    dx[k] = coordinate(free_[static_cast<std::size_t>(k)], x, shape) -
-            coordinate(free_[static_cast<std::size_t>(k)], now_.x, now_.shape);
-  double out = 0.0;
-  for (const ReducedWindow& r : reduced) {
-    if (!r.finite) continue;
-    const VecX<double> left = r.rows.col(f) + r.rows.leftCols(f) * dx;
-    out += 0.5 * (r.rows.col(f).squaredNorm() - left.squaredNorm());
-  }
-  return out;
-}
-
-/// Root mean square of the residuals in units of the noise; 1 where they are less.
-double MotionFitter::misfit() const {
-  return std::sqrt(
-      std::max(2.0 * now_.objective / static_cast<double>(std::max(now_.samples, 1L)), 1.0));
-}
-
-/// Square root of the weak prior's information on a column. A parameter that the data do not tell
-/// stays where the fit began; they tell it no better than the model describes them. Residuals that
-/// hang together tell sizes as few times: such a model may ask for a drive without end.
-double MotionFitter::weak(long column) const {
-  return (column < problem_.scale.size() ? blur_ : misfit()) / (10.0 * scale_of(column));
-}
-
-/// Curvature of the objective along a column, which damping is a multiple of.
-double MotionFitter::curvature(long column) const {
-  return now_.R.col(column).squaredNorm() + std::pow(0.1 / scale_of(column), 2);
-}
-
-/// Levenberg–Marquardt step as a convex fit: consistency exact, damping and prior as Gaussians.
-void MotionFitter::step(const VecX<double>& d, double damping, VecX<double>& x,
-                        VecX<double>& shape) const {
-  constexpr double kLongest = 0.7;  // step of a shape: a factor of two, or 0.7 rad or m
-  constexpr double kInside = 0.01;  // share of a scale: where the search for a step begins, off the bound
-  const FitLayout& layout = problem_.layout;
-  const long p = static_cast<long>(layout.linear.size());
-  const long columns = p + static_cast<long>(layout.shape.size()), f = now_.R.rows();
-  ConvexFitProblem problem;
-  problem.R = MatX<double>::Zero(f + columns, columns);
-  problem.d = VecX<double>::Zero(f + columns);
-  problem.R.topRows(f) = now_.R;
-  problem.d.head(f) = d;
-  problem.start.resize(columns);
-  for (long c = 0; c < columns; ++c) problem.start[c] = coordinate(c, now_.x, now_.shape);
-  problem.bodies = layout.bodies();
-  problem.prior_information = MatX<double>::Zero(columns, columns);
-  const auto nonnegative = [&](long c) {  // a logarithm is free
-    if (c < p) return layout.linear[static_cast<std::size_t>(c)].sign != Sign::kFree;
-    const FitParameter& def = layout.shape[static_cast<std::size_t>(c - p)];
-    return def.sign != Sign::kFree && !def.logarithmic;
-  };
-  std::vector<char> is_free(static_cast<std::size_t>(columns), 0);
-  for (const int c : free_) {
-    is_free[static_cast<std::size_t>(c)] = 1;
-    problem.R(f + c, c) = weak(c);
-    problem.d[f + c] = weak(c) * coordinate(c, start_, start_shape_);
-  }
-  for (long c = 0; c < columns; ++c) {
-    problem.prior_information(c, c) = damping * curvature(c);
-    if (is_free[static_cast<std::size_t>(c)] == 0)
-      problem.fixed.push_back(static_cast<int>(c));
-    else if (nonnegative(c))
-      problem.nonnegative.push_back(static_cast<int>(c));
-    if (is_free[static_cast<std::size_t>(c)] != 0 && nonnegative(c) && !(problem.start[c] > 0.0))
-      problem.start[c] = kInside * scale_of(c);
-  }
-  const auto within = [&](long c, double value) {
-    if (c < p || is_free[static_cast<std::size_t>(c)] == 0) return value;
-    const FitParameter& def = layout.shape[static_cast<std::size_t>(c - p)];
-    double most = kInfinity;
-    if (def.effect >= 0)
-      most = layout.effects[static_cast<std::size_t>(def.effect)]
-                 .parameter_info[static_cast<std::size_t>(def.index)]
-                 .most;
-    if (def.logarithmic) most = std::log(most);
-    return std::min(std::max(value, def.logarithmic ? -kInfinity : def.least), most);
-  };
-  VecX<double> move = solve_convex_fit(problem).x;
-  for (bool beyond = true; beyond;) {  // a shape beyond its bounds is held there
-    beyond = false;
-    for (long c = p; c < columns; ++c)
-      if (const double bound = within(c, move[c]); std::abs(bound - move[c]) > 1e-12) {
-        problem.start[c] = bound;
-        problem.fixed.push_back(static_cast<int>(c));
-        beyond = true;
-      }
-    if (beyond) move = solve_convex_fit(problem).x;
-  }
-  for (long c = 0; c < columns; ++c) move[c] -= coordinate(c, now_.x, now_.shape);
-  // Shorter as a whole: a part of it alone would leave the descent's direction.
-  const double longest = p < columns ? move.tail(columns - p).cwiseAbs().maxCoeff() : 0.0;
-  if (longest > kLongest) move *= kLongest / longest;
-  x = now_.x + move.head(p);
-  shape = now_.shape;
-  for (long s = 0; s < shape.size(); ++s) {
-    if (is_free[static_cast<std::size_t>(p + s)] == 0) continue;
-    const bool logarithmic = layout.shape[static_cast<std::size_t>(s)].logarithmic;
-    const double moved = (logarithmic ? std::log(shape[s]) : shape[s]) + move[p + s];
-    const double inside = within(p + s, moved);  // but for rounding
-    shape[s] = logarithmic ? std::exp(inside) : inside;
-  }
 }
 
 }  // namespace diffnea

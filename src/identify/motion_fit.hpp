@@ -96,7 +96,15 @@ class MotionFitter {
                                        int free) const;
   std::vector<double> costs(Workers& workers, const std::vector<MotionWindow>& windows,
                             std::vector<VecX<double>>& to, const std::vector<double>& before) const;
-  void step(const VecX<double>& d, double damping, VecX<double>& x, VecX<double>& shape) const;
+  /// Where a step leads.
+  struct Step {
+    VecX<double> x, shape;
+    VecX<double> change;  ///< of the fitted columns
+    double length = 0.0;  ///< in units of their curvature
+  };
+  Step step(const VecX<double>& d, double damping) const;
+  /// At that damping, or more until it is half as long as a refused one at most.
+  Step shorter_step(const VecX<double>& d, double refused, double& damping) const;
   double promise(const std::vector<ReducedWindow>& reduced, const VecX<double>& d) const;
   double blur(const std::vector<MotionWindow>& windows) const;
   double misfit() const;
