@@ -198,7 +198,7 @@ class Both {
       conclude();
     }
     const bool far_shorter = kShorter * out_.extended_follows < out_.base_follows;
-    return {std::move(out_), worse_ && !better_ && far_shorter};
+    return {std::move(out_), worse_ && !better_ && far_shorter, {}};
   }
 
  private:

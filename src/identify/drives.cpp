@@ -40,8 +40,9 @@ std::size_t count_off(const Recording& r, int joint) {
 /// @throws DataError for a joint with commands whose drive is off in every row
 void require_a_drive_that_is_on(const std::vector<Recording>& recordings, int joint,
                                 const std::string& name) {
-  const bool off = std::ranges::all_of(
-      recordings, [&](const Recording& r) { return count_off(r, joint) == r.time.size(); });
+  const bool off = std::ranges::all_of(recordings, [&](const Recording& r) {
+    return count_off(r, joint) == static_cast<std::size_t>(r.time.size());
+  });
   if (off)
     throw DataError(recordings.front().source + ": the drive of '" + name +
                     "' is off in every row (torque_enable), so that nothing tells of it; to fit "

@@ -77,7 +77,7 @@ double quantisation_step(std::vector<double> v, const std::vector<double>& chang
   long on = 0;
   for (const double c : changes)
     on += std::abs(c / step - std::round(c / step)) < kOnGrid ? 1 : 0;
-  return on > kShare * static_cast<double>(changes.size()) ? step : 0.0;
+  return static_cast<double>(on) > kShare * static_cast<double>(changes.size()) ? step : 0.0;
 }
 
 std::vector<bool> refreshed(const Eigen::Ref<const VecX<double>>& channel, int refresh) {

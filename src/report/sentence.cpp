@@ -207,7 +207,7 @@ std::string witness_words(const Finding& f) {
 std::string none_words(const Finding& f) {
   const std::string no_effect =
       f.tried == Tried::kAll ? "o effect of the catalogue " : "one of the effects that were tried ";
-  constexpr std::size_t kListed = 3;
+  constexpr std::size_t kInSentence = 3;
   std::vector<std::string> fit;
   for (const Refusal& r : f.refused)
     if (r.delta_bic > 0.0 && r.reason.starts_with("does not help on held-out data"))
@@ -228,7 +228,7 @@ std::string none_words(const Finding& f) {
     return (f.tried == Tried::kAll ? "Nothing is left to explain: n" : "N") + no_effect + beyond +
            ".";
   }
-  if (fit.size() > kListed) fit.resize(kListed);
+  if (fit.size() > kInSentence) fit.resize(kInSentence);
   return "N" + no_effect + "helps on the parts of the recording that were held out, though " +
          listed(fit, " and ") +
          " would explain some of the others: give a second recording (--test), which can tell.";
