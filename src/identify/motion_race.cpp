@@ -4,16 +4,19 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <ranges>
 #include <set>
 
 #include <diffnea/core/error.hpp>
+#include <diffnea/core/parallel.hpp>
 #include <diffnea/core/random.hpp>
 #include <diffnea/core/text.hpp>
 
 #include "core/constants.hpp"
 #include "identify/drives.hpp"
+#include "identify/joint_bench.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -246,6 +249,39 @@ std::optional<MotionBeginning> at_other_scales(const Model& model, const MotionD
   return moved ? std::optional(out) : std::nullopt;
 }
 
+/// A callback for races side by side: it is called by one at a time, and once it said stop, all are
+/// told so. @param progress  outlives it
+std::function<bool(int, double)> shared(const std::function<bool(int, double)>& progress) {
+  return [&progress, lock = std::make_shared<std::mutex>(),
+          stopped = std::make_shared<bool>(false)](int iteration, double objective) {
+    const std::scoped_lock one_at_a_time(*lock);
+    *stopped = *stopped || !progress(iteration, objective);
+    return !*stopped;
+  };
+}
+
+/// A race for each joint's drive, on its bench.
+MotionBeginning joint_by_joint(const Model& model, const MotionData& data, const FitLayout& layout,
+                               const std::vector<JointBench>& benches,
+                               const std::vector<double>& ladder, const MotionOptions& options,
+                               const std::function<bool(int, double)>& progress) {
+  MotionBeginning out = beginning(model, data, layout, ladder.front(), {.at_file = true});
+  std::vector<MotionBeginning> of_joints(benches.size());
+  MotionOptions own = options;
+  own.threads = 1;
+  const auto one = progress ? shared(progress) : progress;
+  parallel_for(benches.size(), static_cast<std::size_t>(std::max(options.threads, 1)),
+               [&](std::size_t k, std::size_t) {
+                 const JointBench& b = benches[k];
+                 of_joints[k] = best_beginning(b.model(), b.data(), b.layout(), ladder, own, one);
+               });
+  for (std::size_t k = 0; k < benches.size(); ++k) {
+    benches[k].put(of_joints[k], out);
+    out.notes.insert(out.notes.end(), of_joints[k].notes.begin(), of_joints[k].notes.end());
+  }
+  return out;
+}
+
 }  // namespace
 
 MotionBeginning best_beginning(const Model& model, const MotionData& data, const FitLayout& layout,
@@ -256,6 +292,9 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
         return !s.fixed && is_bound_of_drive(layout, s);
       }))
     return beginning(model, data, layout, first, {});
+  if (const std::vector<JointBench> benches = joint_benches(model, data, layout, first);
+      !benches.empty())
+    return joint_by_joint(model, data, layout, benches, ladder, options, progress);
   const MotionData some = pieces_of(data, layout, trial, kPieces);
   const VecX<double> limit = apart_limit(some);
   std::vector<std::unique_ptr<MotionClimb>> fits;

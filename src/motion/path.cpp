@@ -1,7 +1,10 @@
 #include "motion/path.hpp"
 
 #include <array>
+#include <complex>
 #include <limits>
+
+#include <Eigen/Eigenvalues>
 
 #include <diffnea/effects/position_servo.hpp>
 #include <diffnea/effects/stepping.hpp>
@@ -36,7 +39,8 @@ MotionPath::MotionPath(ExtendedTree model, const SteppingOptions& options, int f
         for (const int j : e.joints) sharp_[j] = std::min(sharp_[j], e.parameters[k]);
   }
   slow_ = (kSlowShare * sharp_).cwiseMin(kSlow);
-  damping_ = moving_ = resting_ = probe_ = still_ = qdd_ = VecX<double>::Zero(n_);
+  damping_ = moving_ = resting_ = probe_ = still_ = qdd_ = change_ = holding_ =
+      VecX<double>::Zero(n_);
 }
 
 /// Torques of the effects of one instant, over the gains; of those that read q̈ or the transmitted
@@ -144,6 +148,46 @@ double MotionPath::step_of_gears() const {
   return out;
 }
 
+/// Longest step that the swings of joints allow [s], each with its rotor, at the last
+/// linearisation, drives on and off their bounds. A joint that its drive brakes beyond its swing
+/// creeps after the command: what is faster is over within a step.
+double MotionPath::step_of_swings() const {
+  const int n = rotors_.joints();
+  MatX<double> together = MatX<double>::Zero(n_, n);  // gears do not wind up
+  for (int j = 0; j < n; ++j) together(j, j) = 1.0;
+  for (const HiddenRotor& r : rotors_.rotors()) together(r.rotor, r.joint) = 1.0;
+  const MatX<double> mass = dynamics_.inverse_mass_matrix().inverse();
+  MatX<double> stiffness = -together.transpose() * mass * dynamics_.dqdd_dq() * together;
+  VecX<double> damping = VecX<double>::Zero(n);
+  bool forgets = dynamics_.command() != nullptr && !dynamics_.is_implicit();
+  if (dynamics_.command())
+    for (const BoundEffect& e : dynamics_.model().effects) {
+      const int dof = e.joints.empty() ? -1 : e.joints.front();
+      const double slope = drive_slope(e, led_);
+      if (!(slope > 0.0) || led_.sums(dof) >= 0) continue;  // else it is the integrator's
+      const int joint = rotors_.joint_of(dof);
+      stiffness(joint, joint) += slope;
+      damping[joint] += led_.servo(dof)[1];
+      forgets = forgets && !PositionServo::has_bounds(led_.servo(dof));
+    }
+  MatX<double> flow = MatX<double>::Zero(2 * n, 2 * n);
+  const Eigen::LLT<MatX<double>> factor(together.transpose() * mass * together);
+  flow.topRightCorner(n, n).setIdentity();
+  flow.bottomLeftCorner(n, n) = -factor.solve(stiffness);
+  flow.bottomRightCorner(n, n) = -factor.solve(MatX<double>(damping.asDiagonal()));
+  std::vector<double> real;
+  double fastest = 0.0;
+  for (const std::complex<double>& z : flow.eigenvalues()) {
+    if (z.imag() != 0.0)
+      fastest = std::max(fastest, std::abs(z));
+    else
+      real.push_back(std::abs(z.real()));
+  }
+  std::ranges::sort(real);
+  if (!real.empty()) fastest = std::max(fastest, real[(real.size() - 1) / 2]);
+  return (forgets ? kLedPhase : options_.max_phase) / std::max(fastest, 1e-300);
+}
+
 /// Bound on the rate of friction at rest, where dry friction is steepest [1/s]; sets the longest
 /// step that the motion allows, too.
 double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow& window) {
@@ -166,70 +210,70 @@ double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow&
     dynamics_.linearise(q.data(), rest.data(), u.data(), stretch.run);
     dynamics_.set_command(&led_);
   }
-  // Joints and their rotors moved together: gears do not wind up.
-  MatX<double> by_joint = dynamics_.dqdd_dq().leftCols(rotors_.joints());
-  std::vector<bool> forgets(static_cast<std::size_t>(rotors_.joints()), false);
-  if (dynamics_.command())
-    for (const BoundEffect& e : dynamics_.model().effects)
-      if (const double slope = drive_slope(e, led_); slope > 0.0) {
-        const int dof = e.joints.front(), joint = rotors_.joint_of(dof);
-        by_joint.col(joint) -= slope * dynamics_.inverse_mass_matrix().col(dof);
-        if (led_.sums(dof) < 0)  // else it is the integrator's
-          forgets[static_cast<std::size_t>(joint)] =
-              !PositionServo::has_bounds(led_.servo(dof)) && !dynamics_.is_implicit();
-      }
-  for (const HiddenRotor& r : rotors_.rotors())
-    by_joint.col(r.joint) += dynamics_.dqdd_dq().col(r.rotor);
-  longest_ = step_of_gears();
-  for (int dof = 0; dof < n_; ++dof) {
-    const double frequency = std::sqrt(by_joint.row(dof).cwiseAbs().sum());
-    const bool led = forgets[static_cast<std::size_t>(rotors_.joint_of(dof))];
-    if (frequency > 0.0)
-      longest_ = std::min(longest_, (led ? kLedPhase : options_.max_phase) / frequency);
-  }
+  longest_ = std::min(step_of_gears(), step_of_swings());
   return rate;
 }
 
-/// Tells whether a joint speeds up beyond where its friction is steep, at the last q̈: it comes to
-/// no reversal.
-bool MotionPath::leaves_rest(const MatX<double>& A, int joint) const {
-  const double speed = A(n_ + joint, 0);
-  return speed * qdd_[joint] > 0.0 && std::abs(speed) > kFlat * sharp_[joint];
+/// Tells whether a joint is beyond where its friction is steep.
+bool MotionPath::moves(const MatX<double>& A, int joint) const {
+  return std::abs(A(n_ + joint, 0)) > kFlat * sharp_[joint];
+}
+
+/// Change of the velocities over a step, at the present q̈ and mass matrix, with these dampers.
+void MotionPath::set_change(double step, const VecX<double>& damping) {
+  W_ = mass_;
+  W_.diagonal() += step * damping;
+  factor_.compute(W_);
+  change_.noalias() = step * (mass_ * qdd_);
+  factor_.solveInPlace(change_);
 }
 
 /// Longest step that leads over no reversal [s], where dry friction reads velocities, if that is
-/// less than `step`, at the present q̈; leaves the mass matrix.
+/// less than `step`, at the present q̈, mass matrix and D: a joint that friction or its drive holds
+/// gets no further than they let it, however large q̈ is.
 double MotionPath::step_to_turn(const MatX<double>& A, int run, double step) {
+  constexpr int kMostTries = 30;
   const double *q = A.data(), *qd = A.data() + n_;
-  mass_ = mass_matrix<double, double>(dynamics_.model().tree, Eigen::Map<const VecX<double>>(q, n_),
-                                      mass_ws_);
+  const auto reach = [&](int j) {
+    return (qd[j] * change_[j] < 0.0 ? kBrakes : kTurns) * std::max(std::abs(qd[j]), sharp_[j]);
+  };
+  set_change(step, damping_);
+  holding_ = damping_;
   probe_ = A.col(0).tail(n_);
-  bool turns = false;
-  for (int j = 0; j < n_; ++j) {
-    if (leaves_rest(A, j)) continue;
-    const double reach =
-        (qd[j] * qdd_[j] < 0.0 ? kBrakes : kTurns) * std::max(std::abs(qd[j]), sharp_[j]);
-    if (!(std::abs(qdd_[j]) * step > reach)) continue;
-    probe_[j] += std::copysign(reach, qdd_[j]);
-    turns = true;
+  bool rests = false;
+  for (int j = 0; j < n_; ++j)
+    if (!moves(A, j) && std::isfinite(sharp_[j])) {
+      probe_[j] += std::copysign(reach(j), change_[j]);
+      rests = true;
+    }
+  if (rests) {  // what holds a joint is the friction where it would get to
+    friction(q, probe_.data(), run, moving_);
+    friction(q, qd, run, resting_);
+    for (int j = 0; j < n_; ++j)
+      if (const double by = probe_[j] - qd[j]; by != 0.0)
+        holding_[j] = std::max((moving_[j] - resting_[j]) / by, 0.0);
+    set_change(step, holding_);
   }
-  if (!turns) return step;
-  friction(q, probe_.data(), run, moving_);
-  friction(q, qd, run, resting_);
-  for (int j = 0; j < n_; ++j) {
-    const double reach = probe_[j] - qd[j], braked = (moving_[j] - resting_[j]) / mass_(j, j);
-    // A joint that friction holds gets no further.
-    if (reach != 0.0 && std::abs(braked) < std::abs(qdd_[j]))
-      step = std::min(step, reach / qdd_[j]);
+  for (int tries = 0; tries < kMostTries; ++tries) {
+    double share = 1.0;
+    for (int j = 0; j < n_; ++j)
+      if (!moves(A, j) || qd[j] * change_[j] < 0.0)  // else it comes to no reversal
+        share = std::min(share, reach(j) / std::max(std::abs(change_[j]), 1e-300));
+    if (!(share < 1.0)) break;
+    step *= tries == 0 ? share : kTurns * share;
+    set_change(step, holding_);
   }
   return step;
 }
 
-/// Rate at which friction brakes the joints here [1/s], at the present q̈ and mass matrix; leaves D.
+/// Rate at which friction brakes the joints here [1/s], at the present q̈; leaves the mass matrix
+/// and D.
 /// @param speed  of the joints: kAtRest is where it is steepest
 double MotionPath::friction_rate(const MatX<double>& A, Speed speed, int run) {
   const double* q = A.data();
   const double* qd = A.data() + n_;
+  mass_ = mass_matrix<double, double>(dynamics_.model().tree, Eigen::Map<const VecX<double>>(q, n_),
+                                      mass_ws_);
   for (int j = 0; j < n_; ++j)
     probe_[j] =
         speed == kAsItMoves && std::abs(qd[j]) > slow_[j] ? qd[j] : std::copysign(slow_[j], qd[j]);
@@ -240,14 +284,14 @@ double MotionPath::friction_rate(const MatX<double>& A, Speed speed, int run) {
   damping_ = (moving_ - resting_).cwiseQuotient(probe_).cwiseMax(0.0);
   bool away = false;
   for (int j = 0; j < n_; ++j)
-    if (speed == kAsItMoves && leaves_rest(A, j)) {
+    if (speed == kAsItMoves && moves(A, j)) {
       rest[j] = 2.0 * probe_[j];
       away = true;
     }
-  if (away) {  // the secant from here on: there is no rest ahead
+  if (away) {  // the secant from here on: no step leads to rest
     friction(q, rest.data(), run, resting_);
     for (int j = 0; j < n_; ++j)
-      if (leaves_rest(A, j)) damping_[j] = std::max((resting_[j] - moving_[j]) / probe_[j], 0.0);
+      if (moves(A, j)) damping_[j] = std::max((resting_[j] - moving_[j]) / probe_[j], 0.0);
   }
   // Towards rest, within the speed at which friction turns, a step may lead to the other side of
   // it, of another size. A joint that breaks away has its own.

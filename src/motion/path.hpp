@@ -93,15 +93,13 @@ class MotionPath {
           slope(u_, A, rk_.slope);
           if (steep) {
             qdd_ = rk_.slope.col(0).tail(n_);
-            const double turn = step_to_turn(A, stretch.run, step);
             const double steepest =
                 dynamics_.is_implicit() ? friction_rate(A, kAtRest, stretch.run) : finest;
-            if (step * steepest > kStops) step = turn;
             const double rate = friction_rate(A, kAsItMoves, stretch.run);
-            if (step * rate > kStops) {
-              stiff = kStops < kFinest * h * rate;
-              step = stiff ? std::min(step, h * kStiff) : kStops / rate;
-            }
+            if (step * rate > kStops)
+              step = kStops > kFinest * h * rate ? kStops / rate : std::min(step, h * kStiff);
+            if (step * steepest > kStops) step = step_to_turn(A, stretch.run, step);
+            stiff = step * rate > kStops * (1.0 + 1e-9);
           }
           const auto at_share = [&](double share, const MatX<double>& at, MatX<double>& d) {
             enter(t + share * step);
@@ -138,8 +136,8 @@ class MotionPath {
   static constexpr double kBlowUp = 1e6;
   /// Even steps within a row, at most.
   static constexpr double kMostEven = 8.0;
-  /// Share of the time in which a velocity turns, where friction is too steep for the step: none
-  /// leads from rest to beyond where friction is steep,
+  /// Share of the speed by which a step changes a velocity, where friction is too steep for it:
+  /// none leads from rest to beyond where friction is steep,
   static constexpr double kTurns = 0.5;
   /// nor over a reversal, though the acceleration grows by a quarter.
   static constexpr double kBrakes = 0.8;
@@ -160,7 +158,9 @@ class MotionPath {
   const CommandPath* led(const std::shared_ptr<const CommandPath>& command);
   double finest_rate(const MotionStretch& stretch, const MotionWindow& window);
   double step_of_gears() const;
-  bool leaves_rest(const MatX<double>& A, int joint) const;
+  double step_of_swings() const;
+  bool moves(const MatX<double>& A, int joint) const;
+  void set_change(double step, const VecX<double>& damping);
   double step_to_turn(const MatX<double>& A, int run, double step);
   enum Speed { kAtRest, kAsItMoves };
   double friction_rate(const MatX<double>& A, Speed speed, int run);
@@ -202,7 +202,7 @@ class MotionPath {
   std::shared_ptr<const CommandPath> told_;  ///< commands that `led_` is of
   CommandPath led_;
   RneaWorkspace<double, double> rnea_ws_;
-  VecX<double> logged_, u_, damping_, moving_, resting_, probe_, still_, qdd_;
+  VecX<double> logged_, u_, damping_, moving_, resting_, probe_, still_, qdd_, change_, holding_;
 };
 
 }  // namespace diffnea
