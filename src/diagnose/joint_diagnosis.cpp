@@ -119,7 +119,15 @@ std::vector<double> JointDiagnosis::widths_beside_causes() const {
 }
 
 Linearisation JointDiagnosis::beside_causes() const {
-  return {case_.about.links, widths_beside_causes()};
+  Linearisation out{case_.about.links, widths_beside_causes(), case_.about.early};
+  if (case_.finding.interrupted || terms_.empty() || case_.about.early.size() == 0) return out;
+  VecX<double> left = case_.train->torque();
+  for (const Term& t : terms_) left -= t.torque();
+  FitLayout layout = case_.layout;
+  fit_turns(case_.base, *case_.train, left, layout, out.early);
+  if ((out.early - case_.about.early).isZero(0.0) || !out.widths.empty()) return out;
+  for (const FitParameter& shape : case_.layout.shape) out.widths.push_back(shape.prior);
+  return out;
 }
 
 Finding JointDiagnosis::finding() {
@@ -248,10 +256,11 @@ void JointDiagnosis::note_friction() {
   }
   if (!lack.empty())
     case_.finding.notes.push_back(
-        kWarning + ("the base has no dry friction at " + lack +
-        ", which every drive has: `diffnea identify` fits it with the rest. Diagnose what it "
-        "writes; friction that a fit knows of hides other effects less, and less of it is taken "
-        "for another friction"));
+        kWarning +
+        ("the base has no dry friction at " + lack +
+         ", which every drive has: `diffnea identify` fits it with the rest. Diagnose what it "
+         "writes; friction that a fit knows of hides other effects less, and less of it is taken "
+         "for another friction"));
 }
 
 void JointDiagnosis::note_instant() {
@@ -346,9 +355,8 @@ void JointDiagnosis::complete() {
                                                              grey_.torque.there, grey_.torque.here)
                                : case_.held_out->errors(*case_.search, terms_);
   if (grey) {
-    const HeldOutChange change =
-        case_.held_out->compare(case_.held_out->predicted(*case_.search, e0),
-                                case_.held_out->predicted(*case_.search, e1));
+    const HeldOutChange change = case_.held_out->compare(
+        case_.held_out->predicted(*case_.search, e0), case_.held_out->predicted(*case_.search, e1));
     const double floor = case_.finding.gain.noise_floor * case_.finding.gain.noise_floor;
     case_.finding.gain = gain_of(change, std::min(floor, change.after));
   }
@@ -393,10 +401,10 @@ const char* JointDiagnosis::simulate(const Model& extended) {
     return held_out_motion(source, case_.held_out->evidence(), case_.held_rows, late);
   };
   const HeldOutMotion plain = motion({});
-  HeldOutSimulation out = simulate_held_out(
-      base_at(case_.model, case_.layout, alone_, {}), extended,
-      terms_.empty() && grey_.joints.empty(),
-      {plain, terms_.empty() ? plain : motion(terms_)}, source.runs(), go_on);
+  HeldOutSimulation out =
+      simulate_held_out(base_at(case_.model, case_.layout, alone_, {}), extended,
+                        terms_.empty() && grey_.joints.empty(),
+                        {plain, terms_.empty() ? plain : motion(terms_)}, source.runs(), go_on);
   case_.finding.simulated = std::move(out.motion);
   if (!out.unheld.empty()) return "no simulation holds it beside the others";
   return out.loses ? "with it, a simulation follows held-out motion less well" : nullptr;
