@@ -33,6 +33,9 @@ constexpr double kAtBound = 1.05;
 /// Lateness of torques that is worth a word [samples].
 constexpr double kWorthASample = 0.2;
 
+/// Share of a joint's torque to which no column is exact, as an effect must give more to be named.
+constexpr double kInexact = 0.01;
+
 /// How often the rows are made about what was named.
 constexpr int kPassesBesideCauses = 2;
 
@@ -65,6 +68,10 @@ class JointDiagnosis {
   void describe();
   /// Names oscillations and bursts of joints whose error has no other witness.
   void add_unsteady();
+  /// Names joints whose held-out error is far beyond the noise of their signals, where nothing else
+  /// witnesses it. What noise was taken to be may hold what no function of the motion tells.
+  /// @return share of the held-out mean square that is in excess
+  double add_excess();
   void judge();
   /// Errors, parameters and motion of the extended model.
   void complete();
@@ -301,6 +308,7 @@ void JointDiagnosis::describe() {
     case_.finding.witness.push_back(
         {names[static_cast<std::size_t>(w.joint)], w.variables, w.share, w.delta_bic});
   add_unsteady();
+  const double excess = case_.drowned ? 0.0 : add_excess();
 
   const HeldOutChange change =
       case_.held_out->compare(case_.held_out->predicted(*case_.search, std::vector<Term>{}),
@@ -318,7 +326,7 @@ void JointDiagnosis::describe() {
              inexact_friction(*case_.search, terms_, true).sum()) /
                     freedom >
                 kLeft;
-  double floor = std::max(change.after - more, 0.0);
+  double floor = std::max(change.after - std::max(more, excess * change.after), 0.0);
   misfit_ = misfit_ || change.after > kFarOff * kFarOff;
   if (misfit_) floor = std::min(floor, 1.0);
   case_.finding.gain = gain_of(change, floor);
@@ -346,6 +354,38 @@ void JointDiagnosis::add_unsteady() {
                                      swings ? WitnessForm::kOscillation : WitnessForm::kBursts,
                                      swings ? u.frequency_hz : kNaN});
   }
+}
+
+double JointDiagnosis::add_excess() {
+  const Evidence& held = case_.held_out->evidence();
+  const Whitener whitener(held, case_.search->whitener().noise(), case_.held_out->used());
+  const VecX<double> errors = case_.held_out->errors(*case_.search, terms_),
+                     white = whitener(errors);
+  const std::vector<std::string> names = joint_names(case_.model);
+  double excess = 0.0, all = 0.0;
+  for (std::size_t k = 0; k < held.joints().size(); ++k) {
+    double left = 0.0, torque = 0.0, of_white = 0.0, rows = 0.0;
+    for (long row = static_cast<long>(k) * held.times();
+         row < static_cast<long>(k + 1) * held.times(); ++row) {
+      if (!whitener.kept()[static_cast<std::size_t>(row)]) continue;
+      left += errors[row] * errors[row];
+      torque += held.torque()[row] * held.torque()[row];
+      of_white += white[row] * white[row];
+      ++rows;
+    }
+    all += of_white;
+    const double signals = held.signal_noise(static_cast<long>(k)),
+                 known = rows * signals * signals + kInexact * kInexact * torque;
+    if (held.passive(static_cast<long>(k)) || !(left > kFarOff * kFarOff * known)) continue;
+    const double share = 1.0 - known / left;
+    excess += share * of_white;
+    const std::string& where = names[static_cast<std::size_t>(held.joints()[k])];
+    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+    if (std::ranges::find(case_.finding.witness, where, &Witness::where) ==
+        case_.finding.witness.end())
+      case_.finding.witness.push_back({where, {"time"}, share, kNaN, WitnessForm::kExcess, kNaN});
+  }
+  return all > 0.0 ? excess / all : 0.0;
 }
 
 void JointDiagnosis::complete() {

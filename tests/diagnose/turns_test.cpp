@@ -8,9 +8,10 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
 
-#include <diffnea/core/random.hpp>
 #include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/io/model_file.hpp>
+
+#include "support/rod.hpp"
 
 namespace turns_test {
 
@@ -29,59 +30,18 @@ Model with_friction() {
   return model;
 }
 
-/// A rod with a drive, dry friction and a rotor.
-Model rod() {
-  return model_from_json(R"({"schema": "diffnea/model/1", "name": "rod", "gravity": [0, 0, -9.81],
-    "links": [{"name": "rod", "joint": {"name": "rod", "type": "revolute", "axis": [0, 1, 0]},
-               "inertia": {"mass": 2, "com": [0, 0, -0.3],
-                           "about_com": [0.02, 0, 0, 0.02, 0, 0.002]}}],
-    "effects": [
-      {"effect": "armature", "where": "rod", "parameters": [{"name": "armature", "value": 0.01}]},
-      {"effect": "viscous_friction", "where": "rod",
-       "parameters": [{"name": "viscous", "value": 0.1}]},
-      {"effect": "coulomb_friction", "where": "rod",
-       "parameters": [{"name": "coulomb", "value": 0.5}]}]})",
-                         "rod");
-}
-
-/// 20 s of the rod by closed forms. Its friction is that of MuJoCo's `frictionloss`: a soft
-/// constraint that gives F clip((q̇ + T q̈)/v, ±1), T half of 0.95 times its `solreffriction`.
-Recording soft_friction(unsigned seed, double T) {
-  constexpr double kStep = 0.004, kFriction = 0.5, kWidth = 0.03, kTorqueNoise = 0.03,
-                   kEncoder = 1e-5;
-  Rng rng(seed);
-  Recording r;
-  r.source = "rod";
-  r.joint_names = {"rod"};
-  r.has_tau = {true};
-  r.info.torque_sampling = TorqueSampling::kInstant;
-  const long rows = 5000;
-  r.time = VecX<double>::LinSpaced(rows, 0.0, kStep * static_cast<double>(rows - 1));
-  r.q = r.tau = RowMatX<double>::Zero(rows, 1);
-  VecX<double> q = VecX<double>::Zero(rows), qd = q, qdd = q;
-  for (int k = 1; k <= 5; ++k) {
-    const double w = 2.0 * M_PI * rng.uniform(0.2, 1.5), phase = rng.uniform(0.0, 2.0 * M_PI);
-    const double a = 2.4 / (static_cast<double>(k) * w);
-    const Eigen::ArrayXd angle = w * r.time.array() + phase;
-    q.array() += a * angle.sin();
-    qd.array() += a * w * angle.cos();
-    qdd.array() -= a * w * w * angle.sin();
-  }
-  for (long i = 0; i < rows; ++i) {
-    const double friction = std::clamp((qd[i] + T * qdd[i]) / kWidth, -1.0, 1.0);
-    r.q(i, 0) = q[i] + kEncoder * rng.normal();
-    r.tau(i, 0) = 0.21 * qdd[i] + 2.0 * 9.81 * 0.3 * std::sin(q[i]) + 0.1 * qd[i] +
-                  kFriction * friction + kTorqueNoise * rng.normal();
-  }
-  return r;
-}
-
 }  // namespace
 
 TEST_CASE("diagnose: friction that turns before the velocity does is no spring", "[diagnose]") {
   const double T = GENERATE(0.0, 9.5e-3);
   CAPTURE(T);
-  const Finding f = diagnose(rod(), {soft_friction(1, T)}, {soft_friction(2, T)});
+  // MuJoCo's `frictionloss`, a soft constraint: T is half of 0.95 times its `solreffriction`.
+  const auto soft = [&](double, double qd, double qdd) {
+    constexpr double kWidth = 0.03;  // [rad/s]
+    return test::kRodFriction * std::clamp((qd + T * qdd) / kWidth, -1.0, 1.0);
+  };
+  const Finding f =
+      diagnose(test::rod(), {test::rod_recording(1, soft)}, {test::rod_recording(2, soft)});
   CHECK(f.verdict == Verdict::kNone);
   CHECK(f.causes.empty());
 }
