@@ -12,6 +12,14 @@ namespace {
 /// Of ln v₀: what is nearer, the base's columns follow where the evidence is.
 constexpr double kFar = 0.1;
 
+/// Unit of the column of friction that turns earlier (turns.hpp) [s].
+constexpr double kUnitEarlier = 1e-3;
+/// By how much friction may turn before the velocity does, as one standard deviation and at once
+/// [s]: a soft contact of a simulator stops a joint in about that time (MuJoCo's default: 9.5 ms).
+constexpr double kEarly = 10e-3;
+/// Largest such time [s]: beyond, something else is late.
+constexpr double kEarliest = 15e-3;
+
 /// Change of a joint's ln inertia: the band of its rows moves by half of that.
 constexpr double kHeavier = 0.2;
 
@@ -46,6 +54,11 @@ VecX<double> fitted(const Evidence& evidence, const FitLayout& layout) {
                                                         : fit_linear(layout, factors).x;
 }
 
+/// One over the standard deviation of the torque's instant [1/sample]: of a uniform distribution.
+double of_instant(const Evidence& evidence) {
+  return std::sqrt(12.0) / (evidence.latest_instant() - evidence.earliest_instant());
+}
+
 }  // namespace
 
 BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
@@ -53,9 +66,7 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
   BasePrior out;
   const long linear = static_cast<long>(layout.linear.size());
   const long turns = evidence.base().cols() - linear;  // and the torque's instant
-  // One over its standard deviation [1/sample]: of a uniform distribution.
-  const double instant =
-      std::sqrt(12.0) / (evidence.latest_instant() - evidence.earliest_instant());
+  const double instant = of_instant(evidence);
   out.x0 = VecX<double>::Zero(linear + turns);
   out.x0.head(linear) = layout.prior();
   // The rows of passive joints are linear about x₀ (Projection), and what no row tells is there.
@@ -120,53 +131,60 @@ std::string hold_scale(const Evidence& evidence, FitLayout& layout) {
   return largest->name;
 }
 
-bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout) {
-  const long p = static_cast<long>(layout.linear.size());
+bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, FitLayout& layout,
+               VecX<double>& early) {
+  const long p = static_cast<long>(layout.linear.size()), m = evidence.times();
   const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);
   if (smoothing == 0) return false;
-  // Joints weighted by what the fit leaves of each; a factor of e is the prior's width.
+  if (early.size() == 0) early = VecX<double>::Zero(evidence.num_dofs());
+  const auto earlier = [&](long s) { return p + smoothing + kTurnColumns * s; };
+  const long width = evidence.base().cols();
+  VecX<double> root = VecX<double>::Zero(width);
+  root.tail(width - p).setOnes();  // a factor of e is the prior's width
+  for (long s = 0; s < smoothing; ++s) root[earlier(s)] = kUnitEarlier / kEarly;
+  root[width - 1] = of_instant(evidence);
+  // Joints weighted by what the fit leaves of each.
   const VecX<double> x0 = base == Base::kRefit ? fitted(evidence, layout) : layout.prior();
-  const std::vector<JointFactor>& factors = evidence.factors();
-  MatX<double> K = MatX<double>::Zero(p + smoothing, p + smoothing);
-  VecX<double> k = VecX<double>::Zero(p + smoothing);
-  for (const JointFactor& f : factors) {
-    if (f.factor.rows() == 0) continue;
-    const MatX<double> R = f.factor.R();
-    VecX<double> d = f.factor.d();
-    VecX<double> at(R.cols());
-    for (long c = 0; c < R.cols(); ++c) {
-      const int column = f.columns[static_cast<std::size_t>(c)];
-      at[c] = column < p ? x0[column] : 0.0;
-    }
-    d -= R * at;
-    const double left = d.squaredNorm() + f.factor.residual_sum_of_squares();
-    const double weight = static_cast<double>(f.factor.rows()) / std::max(left, 1e-300);
-    const MatX<double> RR = weight * (R.transpose() * R);
-    const VecX<double> Rd = weight * (R.transpose() * d);
-    for (long a = 0; a < R.cols(); ++a) {
-      k[f.columns[static_cast<std::size_t>(a)]] += Rd[a];
-      for (long b = 0; b < R.cols(); ++b)
-        K(f.columns[static_cast<std::size_t>(a)], f.columns[static_cast<std::size_t>(b)]) +=
-            RR(a, b);
-    }
+  MatX<double> K = root.cwiseAbs2().asDiagonal();
+  VecX<double> k = VecX<double>::Zero(width);
+  for (std::size_t j = 0; j < evidence.joints().size(); ++j) {
+    const auto rows = evidence.base().middleRows(static_cast<long>(j) * m, m);
+    const VecX<double> left = torque.segment(static_cast<long>(j) * m, m) - rows.leftCols(p) * x0;
+    const JointFactor& f = evidence.factors()[static_cast<std::size_t>(evidence.joints()[j])];
+    const double weight =
+        static_cast<double>(m) / std::max(f.factor.residual_sum_of_squares(), 1e-300);
+    K.noalias() += weight * (rows.transpose() * rows);
+    k.noalias() += weight * (rows.transpose() * left);
   }
   std::vector<int> free;
-  for (long c = 0; c < p + smoothing; ++c)
+  for (long c = 0; c < width; ++c)
     if (c >= p || (base != Base::kFixed && !layout.linear[static_cast<std::size_t>(c)].fixed))
       free.push_back(static_cast<int>(c));
   MatX<double> A = K(free, free);
-  const VecX<double> b = k(free);
   for (long c = 0; c < A.rows(); ++c)
-    A(c, c) += free[static_cast<std::size_t>(c)] >= p ? 1.0 : 1e-9 * A(c, c) + 1e-300;
-  const VecX<double> step = A.ldlt().solve(b).tail(smoothing);
-  VecX<double> moves(smoothing);
-  for (long s = 0; s < smoothing; ++s)
-    moves[s] = std::isfinite(step[s]) ? std::clamp(step[s], -1.0, 1.0) : 0.0;
-  if (!(moves.cwiseAbs().maxCoeff() > kFar)) return false;
-  long at = 0;
-  for (FitParameter& shape : layout.shape)
-    if (is_smoothing(shape)) shape.prior *= std::exp(moves[at++]);
-  return true;
+    if (free[static_cast<std::size_t>(c)] < p) A(c, c) += 1e-9 * A(c, c) + 1e-300;
+  const VecX<double> b = k(free), of_free = A.ldlt().solve(b);
+  VecX<double> step = VecX<double>::Zero(width);
+  step(free) = of_free;
+  const auto worth = [](double value, double most) {
+    const double out = std::isfinite(value) ? std::clamp(value, -most, most) : 0.0;
+    return std::abs(out) > kFar * most ? out : 0.0;
+  };
+  bool moved = false;
+  long s = 0;
+  for (FitParameter& shape : layout.shape) {
+    if (!is_smoothing(shape)) continue;
+    const double sharper = worth(step[p + s], 1.0);
+    shape.prior *= std::exp(sharper);
+    moved |= sharper != 0.0;
+    const std::vector<int>& joints = layout.effects[static_cast<std::size_t>(shape.effect)].joints;
+    const double by = worth(kUnitEarlier * step[earlier(s++)], kEarly);
+    if (joints.size() != 1 || by == 0.0) continue;
+    double& at = early[joints.front()];
+    at = std::abs(at + by) < kEarliest ? at + by : 0.0;
+    moved = true;
+  }
+  return moved;
 }
 
 Model refitted(Base base, const Model& model, const FitLayout& layout, const Evidence& evidence) {

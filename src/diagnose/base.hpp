@@ -17,10 +17,13 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
 /// @return its name; empty if a torque is known, or one is held
 std::string hold_scale(const Evidence& evidence, FitLayout& layout);
 
-/// Moves how sharply the base's friction turns (the v₀ of `layout`) to where the recording has it,
-/// where that is far: the columns of `evidence` are straight lines about the v₀ before.
-/// @return whether it has; `evidence` is then to be read anew
-bool fit_turns(Base base, const Evidence& evidence, FitLayout& layout);
+/// Moves how sharply the base's friction turns (the v₀ of `layout`), and how early, to where the
+/// recording has it, where that is far: the columns of `evidence` are straight lines about both.
+/// @param torque  of the evidence, without what causes take of it, (rows())
+/// @param early   Linearisation::early, by which `evidence` was read
+/// @return whether it has; the evidence is then to be read anew
+bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, FitLayout& layout,
+               VecX<double>& early);
 
 /// The model at the base parameters that fit the rows without any cause; as it is, unless its base
 /// is refitted.

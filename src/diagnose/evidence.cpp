@@ -38,7 +38,7 @@ VecX<double> with_inertias_of(const Model& links, const FitLayout& layout) {
 
 }  // namespace
 
-Evidence::Evidence(const Model& model, const Model& links, const FitLayout& layout,
+Evidence::Evidence(const Model& model, const Linearisation& about, const FitLayout& layout,
                    const RecordingSource& source, const PreprocessPlan& plan, double period,
                    const IdentifyOptions& options, int first_run, const Evidence* fitted,
                    int base_joints)
@@ -46,7 +46,8 @@ Evidence::Evidence(const Model& model, const Model& links, const FitLayout& layo
       first_run_(first_run),
       base_joints_(base_joints),
       runs_(source.runs()),
-      every_(plan.decimator.factor) {
+      every_(plan.decimator.factor),
+      early_(about.early.size() > 0 ? about.early : VecX<double>::Zero(layout.num_dofs)) {
   Stretches collector(first_run);
   for_each_block(source, plan, "reading", 0, options,
                  [&](const Preprocessed& block) { collector.add(block); });
@@ -60,14 +61,15 @@ Evidence::Evidence(const Model& model, const Model& links, const FitLayout& layo
   take_joints(model, collector, fitted);
   if (joints_.empty()) {
     require_torque(describe_joints(model), source.sample());
-    throw DataError(source.sample().front().source +
-                    ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
+    throw DataError(
+        source.sample().front().source +
+        ": diagnose: no joint has a torque (tau_<joint>), and none is declared passive");
   }
   take_standstills(layout, plan, collector, positions, fitted);
-  take_filters(links, plan, collector);
+  take_filters(about.links, plan, collector);
   FitLayout held = layout;
   for (FitParameter& s : held.shape) s.fixed = !is_smoothing(s);
-  take_rows(model, links, held, plan, collector);
+  take_rows(model, about.links, held, plan, collector);
   if (apart_) seen_base_ = regress(model, held, plan, collector, series_, nullptr);
   take_motion(plan, positions, fitted);
   set_reference(model);
@@ -213,6 +215,7 @@ MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
     }
     row += of_stretch;
   }
+  retime(model, layout, series, out);
   if (torque) factors_ = samples.factors();
   return out;
 }
@@ -289,6 +292,47 @@ std::vector<int> Evidence::all_joints() const {
   return out;
 }
 
+JointSeries Evidence::turned(const BoundEffect& friction, const JointSeries& s) const {
+  JointSeries out = s;
+  for (const int j : friction.joints)
+    if (early_[j] != 0.0) out.qd.col(j) = shifted(s.qd.col(j), s.dt, early_[j]);
+  return out;
+}
+
+void Evidence::retime(const Model& model, const FitLayout& layout,
+                      const std::vector<JointSeries>& series, MatX<double>& base) const {
+  if (early_.isZero(0.0)) return;
+  long width = static_cast<long>(layout.linear.size());
+  for (const FitParameter& shape : layout.shape) {
+    if (!is_smoothing(shape)) continue;
+    const BoundEffect friction = friction_of(layout, shape);
+    std::vector<int> which = {shape.index};
+    std::vector<long> to = {width++};
+    for (const int c : dry_columns_)
+      if (const FitParameter& p = layout.linear[static_cast<std::size_t>(c)];
+          p.effect == shape.effect)
+        which.push_back(p.index), to.push_back(c);
+    for (const long k : reached(friction.joints)) {
+      std::vector<RowMatX<double>> stretches;
+      for (std::size_t i = 0; i < series.size(); ++i) {
+        const JointSeries x = turned(friction, series[i]);
+        const auto columns = series_columns(friction, extend(model, runs_, x.run), x,
+                                            friction.parameters.data(), which);
+        stretches.push_back(
+            driven_rows_.at(i, joints_[static_cast<std::size_t>(k)], friction.joints, [&](int j) {
+              RowMatX<double> own(x.rows(), std::ssize(which));
+              for (long c = 0; c < own.cols(); ++c)
+                own.col(c) = columns[static_cast<std::size_t>(c)].col(j);
+              return own;
+            }));
+      }
+      const MatX<double> rows = rows_of(k, stretches);
+      for (std::size_t c = 0; c < to.size(); ++c)
+        base.col(to[c]).segment(k * times(), times()) = rows.col(static_cast<long>(c));
+    }
+  }
+}
+
 MatX<double> Evidence::turns(const FitLayout& layout) const {
   MatX<double> out(rows(), 0);
   for (const FitParameter& shape : layout.shape) {
@@ -299,7 +343,7 @@ MatX<double> Evidence::turns(const FitLayout& layout) const {
     for (const long k : reached(friction.joints)) {
       std::vector<RowMatX<double>> stretches;
       for (std::size_t i = 0; i < series_.size(); ++i) {
-        const JointSeries& s = series_[i];
+        const JointSeries s = turned(friction, series_[i]);
         const auto columns = turn_columns(friction, shape.index, reference(s), s);
         stretches.push_back(
             driven_rows_.at(i, joints_[static_cast<std::size_t>(k)], friction.joints, [&](int j) {

@@ -26,10 +26,20 @@ namespace diffnea {
 /// Of the autoregression that whitens rows: what a row needs before it.
 inline constexpr int kNoiseOrder = 8;
 
+/// Where rows are straight lines in what is fitted.
+struct Linearisation {
+  /// How heavy the joints are: by the file, and where that is far off, by a fit.
+  Model links;
+  /// Widths of the base's dry friction beside causes, by the layout's shapes; empty: as the base
+  /// alone has them.
+  std::vector<double> widths = {};
+  /// By how much dry friction turns before the velocity does, by joint [s]; empty: 0.
+  VecX<double> early = {};
+};
+
 class Evidence {
  public:
-  /// @param links      what the joints carry, about which the filters are linearised: the model
-  ///                   as far as it is fitted
+  /// @param about      its links are those about which the filters are linearised
   /// @param layout     of the base model
   /// @param period     of the motion [s]; 0: not periodic
   /// @param first_run  number of the source's first recording among all that the layout knows
@@ -39,7 +49,7 @@ class Evidence {
   /// @param base_joints  how many degrees of freedom lead that are a floating base's (UnfoldedBase)
   /// @throws DataError if no row is left, or a joint's torque is known in some of the recordings
   ///   alone
-  Evidence(const Model& model, const Model& links, const FitLayout& layout,
+  Evidence(const Model& model, const Linearisation& about, const FitLayout& layout,
            const RecordingSource& source, const PreprocessPlan& plan, double period,
            const IdentifyOptions& options, int first_run = 0, const Evidence* fitted = nullptr,
            int base_joints = 0);
@@ -219,6 +229,11 @@ class Evidence {
   /// Rows of the k-th of joints() that whitening has enough rows before.
   long rows_between(long k) const;
 
+  /// The motion that dry friction at these joints goes by: it turns before, or after, them.
+  JointSeries turned(const BoundEffect& friction, const JointSeries& s) const;
+  /// Writes the columns of the layout's dry friction that turns at other instants than the path.
+  void retime(const Model& model, const FitLayout& layout, const std::vector<JointSeries>& series,
+              MatX<double>& base) const;
   /// turn_columns() of every friction of the layout, (rows(), kTurnColumns · frictions).
   MatX<double> turns(const FitLayout& layout) const;
   /// Writes the base's last column, by the present reference.
@@ -243,8 +258,8 @@ class Evidence {
   std::vector<double> turns_per_second_, cut_off_;
   bool repeats_ = false, apart_ = false, halves_ = false;
   std::vector<int> joints_, dry_columns_, sticking_, resting_;
-  VecX<double> speed_, acceleration_;  ///< RMS, (num_dofs())
-  std::map<int, StuckRows> stuck_;     ///< by joint
+  VecX<double> speed_, acceleration_;      ///< RMS, (num_dofs())
+  std::map<int, StuckRows> stuck_;         ///< by joint
   std::vector<std::vector<bool>> events_;  ///< rows of each stretch
   std::vector<JointSeries> series_;
   std::vector<int> runs_;
@@ -252,6 +267,7 @@ class Evidence {
   VecX<double> unit_;                               ///< a constant torque of 1 over its row
   std::vector<MatX<double>> constant_;  ///< by joint: rows of a constant torque of 1, one column
   int every_ = 1;                       ///< samples of a row
+  VecX<double> early_;                  ///< Linearisation::early, (num_dofs())
   std::vector<JointFactor> factors_;
   std::map<std::pair<std::string, std::string>, MatX<double>> own_;  ///< by name and place
   std::map<int, ExtendedTree> references_;  ///< by run: a body may be held in some of them

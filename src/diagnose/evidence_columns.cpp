@@ -9,6 +9,7 @@
 #include <diffnea/effects/stepping.hpp>
 
 #include "diagnose/evidence.hpp"
+#include "diagnose/term.hpp"
 
 namespace diffnea {
 
@@ -86,11 +87,12 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
   const long all = width + (torque ? 1 : 0);
   std::vector<std::vector<RowMatX<double>>> stretches(reached.size());
   for (std::size_t i = 0; i < series_.size(); ++i) {
-    const JointSeries& s = series_[i];
+    const bool turns = port == Port::kJointTorque && is_dry(effect) && !early_.isZero(0.0);
+    JointSeries moved;
+    const JointSeries& s = turns ? (moved = turned(effect, series_[i])) : series_[i];
     RowMatX<double> at;
-    std::vector<RowMatX<double>> c = series_columns(effect, reference(s), s,
-                                                    effect.parameters.data(), which,
-                                                    torque ? &at : nullptr);
+    std::vector<RowMatX<double>> c = series_columns(
+        effect, reference(s), s, effect.parameters.data(), which, torque ? &at : nullptr);
     if (torque) c.push_back(std::move(at));
     for (std::size_t r = 0; r < reached.size(); ++r)
       stretches[r].push_back(

@@ -67,7 +67,7 @@ std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& eviden
 ExperimentTrial::ExperimentTrial(const ExperimentContext& c, const Trajectory& motion,
                                  double fastest_hz)
     : context_(c),
-      evidence_(c.model, c.reference, c.layout, *source(c, motion), plan(c, fastest_hz), 0.0, {}),
+      evidence_(c.model, {c.reference}, c.layout, *source(c, motion), plan(c, fastest_hz), 0.0, {}),
       whitener_(evidence_, noise(c, evidence_, fastest_hz), {}),
       projection_(evidence_, whitener_, c.prior),
       seconds_(motion.time[motion.rows() - 1] - motion.time[0]) {

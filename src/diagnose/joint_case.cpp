@@ -20,6 +20,8 @@ namespace {
 
 /// How often the rows are read anew, about a better base.
 constexpr int kBasePasses = 3;
+/// By how much the last of these may still move the instant at which friction turns [s].
+constexpr double kUnsettled = 5e-3;
 
 /// Whether some of the recordings are among those that the posterior was made of.
 bool is_made_of(const Posterior& posterior, const RecordingSource& source) {
@@ -52,18 +54,46 @@ FitChoice without_base_joints(const JointCase& c, int joints) {
   return out;
 }
 
-/// The model at a fit of the rows: its rotors and friction, too, as `identify` fits them, which
-/// files often lack.
-Model fitted_links(const JointCase& c, const IdentifyOptions& reading) {
-  if (c.base != Base::kRefit || !c.train->driven()) return c.about.links;
+/// Moves what the rows are linear about to a fit of them. Links and the instants at which friction
+/// turns are fitted beside rotors and friction that files often lack, as `identify` does.
+/// @return whether rows are to be read anew
+bool fit_linearisation(JointCase& c, const IdentifyOptions& reading) {
+  const auto turn = [&](const Evidence& evidence, FitLayout& layout, VecX<double>& early) {
+    return fit_turns(c.base, evidence, evidence.torque(), layout, early);
+  };
+  VecX<double> early = c.about.early;
+  Model links = c.about.links;
+  bool moved = false;
   std::vector<std::string> notes;
-  const FitLayout usual = layout_for(c.model, c.train_source, c.test_source,
-                                     without_base_joints(c, c.base_joints()), notes);
-  if (usual.linear.size() <= c.layout.linear.size())
-    return refitted(c.base, c.model, c.layout, *c.train);
-  return refitted(c.base, c.model, usual,
-                  Evidence(c.model, c.about.links, usual, c.train_source, c.finding.plan, c.period,
-                           reading, 0, nullptr, c.base_joints()));
+  FitLayout usual;
+  if (c.base == Base::kRefit && c.train->driven())
+    usual = layout_for(c.model, c.train_source, c.test_source,
+                       without_base_joints(c, c.base_joints()), notes);
+  if (usual.linear.size() > c.layout.linear.size()) {
+    const Evidence evidence(c.model, c.about, usual, c.train_source, c.finding.plan, c.period,
+                            reading, 0, nullptr, c.base_joints());
+    links = refitted(c.base, c.model, usual, evidence);
+    VecX<double> of_own = early;
+    moved = turn(*c.train, c.layout, of_own);
+    moved |= turn(evidence, usual, early);
+  } else {
+    if (c.train->driven()) links = refitted(c.base, c.model, c.layout, *c.train);
+    moved = turn(*c.train, c.layout, early);
+  }
+  c.about.early = early;
+  if (is_heavier(links, c.about.links, *c.train)) {
+    c.about.links = std::move(links);
+    moved = true;
+  }
+  return moved;
+}
+
+/// Takes friction to turn with the velocity where fits do not agree on when else.
+bool drop_unsettled(const VecX<double>& before, VecX<double>& early) {
+  bool dropped = false;
+  for (long j = 0; j < before.size(); ++j)
+    if (std::abs(early[j] - before[j]) > kUnsettled) early[j] = 0.0, dropped = true;
+  return dropped;
 }
 
 AuditReport audit_logged(const JointCase& c, const RecordingSource& source) {
@@ -210,9 +240,8 @@ void prepare(JointCase& c) {
   const auto read_train = [&] {
     c.finding.plan = plan_rows(c.about.links, sample, c.period, c.options.preprocess);
     c.period = c.finding.plan.dt * std::round(c.period / c.finding.plan.dt);
-    c.train =
-        std::make_unique<Evidence>(c.model, c.about.links, c.layout, c.train_source, c.finding.plan,
-                                   c.period, reading, 0, nullptr, c.base_joints());
+    c.train = std::make_unique<Evidence>(c.model, c.about, c.layout, c.train_source, c.finding.plan,
+                                         c.period, reading, 0, nullptr, c.base_joints());
   };
   read_train();
   require_motion(*c.train, c.finding.plan, sample);
@@ -220,13 +249,13 @@ void prepare(JointCase& c) {
       !held.empty())
     c.finding.notes.push_back("All torques are zero, which leaves the scale of all masses open: " +
                               held + " is held at the model's value.");
+  VecX<double> before = c.about.early;
   for (int pass = 0; pass < kBasePasses && c.about.widths.empty(); ++pass) {
-    Model links = fitted_links(c, reading);
-    const bool heavier = is_heavier(links, c.about.links, *c.train);
-    if (heavier) c.about.links = std::move(links);
-    if (!fit_turns(c.base, *c.train, c.layout) && !heavier) break;
+    before = c.about.early;
+    if (!fit_linearisation(c, reading)) break;
     read_train();
   }
+  if (drop_unsettled(before, c.about.early)) read_train();
   const std::vector<std::string> followers = follower_names(c.model);
   for (const ChannelWarning& w : c.train_source.warnings())  // others are the audit's
     if (std::ranges::find(followers, w.joint) != followers.end()) c.finding.notes.push_back(w.text);
@@ -250,7 +279,7 @@ void prepare(JointCase& c) {
     if (period <= 0.0) period = c.period;  // checked where it is used
     const double dt = c.test_plan.dt;
     c.test = std::make_unique<Evidence>(
-        c.model, c.about.links, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt),
+        c.model, c.about, c.layout, *c.test_source, c.test_plan, dt * std::round(period / dt),
         reading, static_cast<int>(c.train_source.runs().size()), c.train.get(), c.base_joints());
     require_same_joints(joint_names(c.model), *c.train, *c.test, held.front().source);
     require_blocks(*c.test, held);

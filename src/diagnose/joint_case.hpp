@@ -14,21 +14,13 @@
 
 namespace diffnea {
 
-/// Where rows are straight lines in what is fitted.
-struct Linearisation {
-  Model links;  ///< how heavy the joints are: by the file, and where that is far off, by a fit
-  /// Widths of the base's dry friction beside causes, by the layout's shapes; empty: as the base
-  /// alone has them.
-  std::vector<double> widths = {};
-};
-
 /// Stays where it is: its parts refer to each other.
 struct JointCase {
   const Model& model;
   const RecordingSource& train_source;
   const RecordingSource* test_source;  ///< null: rows of `train` are held out
   DiagnoseOptions options;
-  Linearisation about;  ///< without widths, links move to a fit
+  Linearisation about;                   ///< without widths, links move to a fit
   const UnfoldedBase* floats = nullptr;  ///< whose model and sources these are; null: none
   Finding finding = {};
 

@@ -33,6 +33,9 @@ constexpr double kAtBound = 1.05;
 /// Lateness of torques that is worth a word [samples].
 constexpr double kWorthASample = 0.2;
 
+/// Share of a joint's torque to which no column is exact, as an effect must give more to be named.
+constexpr double kInexact = 0.01;
+
 /// How often the rows are made about what was named.
 constexpr int kPassesBesideCauses = 2;
 
@@ -65,6 +68,10 @@ class JointDiagnosis {
   void describe();
   /// Names oscillations and bursts of joints whose error has no other witness.
   void add_unsteady();
+  /// Names joints whose held-out error is far beyond the noise of their signals, where nothing else
+  /// witnesses it. What noise was taken to be may hold what no function of the motion tells.
+  /// @return share of the held-out mean square that is in excess
+  double add_excess();
   void judge();
   /// Errors, parameters and motion of the extended model.
   void complete();
@@ -119,7 +126,15 @@ std::vector<double> JointDiagnosis::widths_beside_causes() const {
 }
 
 Linearisation JointDiagnosis::beside_causes() const {
-  return {case_.about.links, widths_beside_causes()};
+  Linearisation out{case_.about.links, widths_beside_causes(), case_.about.early};
+  if (case_.finding.interrupted || terms_.empty() || case_.about.early.size() == 0) return out;
+  VecX<double> left = case_.train->torque();
+  for (const Term& t : terms_) left -= t.torque();
+  FitLayout layout = case_.layout;
+  fit_turns(case_.base, *case_.train, left, layout, out.early);
+  if ((out.early - case_.about.early).isZero(0.0) || !out.widths.empty()) return out;
+  for (const FitParameter& shape : case_.layout.shape) out.widths.push_back(shape.prior);
+  return out;
 }
 
 Finding JointDiagnosis::finding() {
@@ -248,10 +263,11 @@ void JointDiagnosis::note_friction() {
   }
   if (!lack.empty())
     case_.finding.notes.push_back(
-        kWarning + ("the base has no dry friction at " + lack +
-        ", which every drive has: `diffnea identify` fits it with the rest. Diagnose what it "
-        "writes; friction that a fit knows of hides other effects less, and less of it is taken "
-        "for another friction"));
+        kWarning +
+        ("the base has no dry friction at " + lack +
+         ", which every drive has: `diffnea identify` fits it with the rest. Diagnose what it "
+         "writes; friction that a fit knows of hides other effects less, and less of it is taken "
+         "for another friction"));
 }
 
 void JointDiagnosis::note_instant() {
@@ -292,6 +308,7 @@ void JointDiagnosis::describe() {
     case_.finding.witness.push_back(
         {names[static_cast<std::size_t>(w.joint)], w.variables, w.share, w.delta_bic});
   add_unsteady();
+  const double excess = case_.drowned ? 0.0 : add_excess();
 
   const HeldOutChange change =
       case_.held_out->compare(case_.held_out->predicted(*case_.search, std::vector<Term>{}),
@@ -309,7 +326,7 @@ void JointDiagnosis::describe() {
              inexact_friction(*case_.search, terms_, true).sum()) /
                     freedom >
                 kLeft;
-  double floor = std::max(change.after - more, 0.0);
+  double floor = std::max(change.after - std::max(more, excess * change.after), 0.0);
   misfit_ = misfit_ || change.after > kFarOff * kFarOff;
   if (misfit_) floor = std::min(floor, 1.0);
   case_.finding.gain = gain_of(change, floor);
@@ -339,6 +356,38 @@ void JointDiagnosis::add_unsteady() {
   }
 }
 
+double JointDiagnosis::add_excess() {
+  const Evidence& held = case_.held_out->evidence();
+  const Whitener whitener(held, case_.search->whitener().noise(), case_.held_out->used());
+  const VecX<double> errors = case_.held_out->errors(*case_.search, terms_),
+                     white = whitener(errors);
+  const std::vector<std::string> names = joint_names(case_.model);
+  double excess = 0.0, all = 0.0;
+  for (std::size_t k = 0; k < held.joints().size(); ++k) {
+    double left = 0.0, torque = 0.0, of_white = 0.0, rows = 0.0;
+    for (long row = static_cast<long>(k) * held.times();
+         row < static_cast<long>(k + 1) * held.times(); ++row) {
+      if (!whitener.kept()[static_cast<std::size_t>(row)]) continue;
+      left += errors[row] * errors[row];
+      torque += held.torque()[row] * held.torque()[row];
+      of_white += white[row] * white[row];
+      ++rows;
+    }
+    all += of_white;
+    const double signals = held.signal_noise(static_cast<long>(k)),
+                 known = rows * signals * signals + kInexact * kInexact * torque;
+    if (held.passive(static_cast<long>(k)) || !(left > kFarOff * kFarOff * known)) continue;
+    const double share = 1.0 - known / left;
+    excess += share * of_white;
+    const std::string& where = names[static_cast<std::size_t>(held.joints()[k])];
+    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+    if (std::ranges::find(case_.finding.witness, where, &Witness::where) ==
+        case_.finding.witness.end())
+      case_.finding.witness.push_back({where, {"time"}, share, kNaN, WitnessForm::kExcess, kNaN});
+  }
+  return all > 0.0 ? excess / all : 0.0;
+}
+
 void JointDiagnosis::complete() {
   const bool grey = !grey_.joints.empty();
   const VecX<double> e0 = case_.held_out->errors(*case_.search, {});
@@ -346,9 +395,8 @@ void JointDiagnosis::complete() {
                                                              grey_.torque.there, grey_.torque.here)
                                : case_.held_out->errors(*case_.search, terms_);
   if (grey) {
-    const HeldOutChange change =
-        case_.held_out->compare(case_.held_out->predicted(*case_.search, e0),
-                                case_.held_out->predicted(*case_.search, e1));
+    const HeldOutChange change = case_.held_out->compare(
+        case_.held_out->predicted(*case_.search, e0), case_.held_out->predicted(*case_.search, e1));
     const double floor = case_.finding.gain.noise_floor * case_.finding.gain.noise_floor;
     case_.finding.gain = gain_of(change, std::min(floor, change.after));
   }
@@ -393,10 +441,10 @@ const char* JointDiagnosis::simulate(const Model& extended) {
     return held_out_motion(source, case_.held_out->evidence(), case_.held_rows, late);
   };
   const HeldOutMotion plain = motion({});
-  HeldOutSimulation out = simulate_held_out(
-      base_at(case_.model, case_.layout, alone_, {}), extended,
-      terms_.empty() && grey_.joints.empty(),
-      {plain, terms_.empty() ? plain : motion(terms_)}, source.runs(), go_on);
+  HeldOutSimulation out =
+      simulate_held_out(base_at(case_.model, case_.layout, alone_, {}), extended,
+                        terms_.empty() && grey_.joints.empty(),
+                        {plain, terms_.empty() ? plain : motion(terms_)}, source.runs(), go_on);
   case_.finding.simulated = std::move(out.motion);
   if (!out.unheld.empty()) return "no simulation holds it beside the others";
   return out.loses ? "with it, a simulation follows held-out motion less well" : nullptr;

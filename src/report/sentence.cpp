@@ -61,9 +61,9 @@ std::string cause_words(const Cause& cause) {
     return at("dry_friction", cause.where) + " (" + plain(cause.effect) + ": " + out +
            "; this recording cannot tell it from " + listed(others, " or ") + ")";
   out = at(cause.effect, cause.where) + " (" + out + ")";
-  return others.empty() ? out
-                        : out + " [which this recording cannot tell from " +
-                              listed(others, " or ") + "]";
+  return others.empty()
+             ? out
+             : out + " [which this recording cannot tell from " + listed(others, " or ") + "]";
 }
 
 bool is_named(const Cause& cause) { return cause.verdict != Verdict::kUnknown; }
@@ -85,8 +85,8 @@ std::string alike_words(const std::vector<const Cause*>& alike) {
     high = std::max(high, size);
   }
   const CauseParameter& first = alike.front()->parameters.front();
-  std::string out = at(kinds.size() > 1 ? kin(*alike.front()) : alike.front()->effect,
-                       listed(where, " and "));
+  std::string out =
+      at(kinds.size() > 1 ? kin(*alike.front()) : alike.front()->effect, listed(where, " and "));
   if (kinds.size() > 1) {
     std::vector<std::string> words;
     for (const auto& [effect, count] : kinds)
@@ -106,8 +106,8 @@ std::string alike_words(const std::vector<const Cause*>& alike) {
          (kind_alone ? "which kind of dry friction]" : "it from others]");
 }
 
-/// Causes that remove most, one effect at several joints in one word; all stand in the table. What has no
-/// name is not among them.
+/// Causes that remove most, one effect at several joints in one word; all stand in the table. What
+/// has no name is not among them.
 std::string causes_words(const Finding& f) {
   constexpr std::size_t kAlike = 3;  // from which on their sizes are a range
   std::vector<const Cause*> worth;
@@ -318,6 +318,8 @@ std::string witness_clause(const Witness& w) {
       return "oscillates at " + number(w.frequency) + " Hz whatever the motion";
     case WitnessForm::kBursts:
       return "comes in bursts where the same motion is quiet elsewhere";
+    case WitnessForm::kExcess:
+      return "is more than the noise of its signals gives";
     case WitnessForm::kFunction:
       break;
   }

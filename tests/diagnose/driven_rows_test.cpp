@@ -218,7 +218,7 @@ TEST_CASE("diagnose: friction of a passive joint is in the drive's rows of evide
   PreprocessOptions preprocess;
   preprocess.filter_hz = 8.0;
   preprocess.decimate_to_hz = 25.0;
-  Evidence evidence(model, model, layout, *source, plan_preprocess(source->sample(), preprocess),
+  Evidence evidence(model, {model}, layout, *source, plan_preprocess(source->sample(), preprocess),
                     0.0, IdentifyOptions{});
   REQUIRE(evidence.joints() == std::vector<int>{0});
   CHECK_FALSE(evidence.is_passive(0));

@@ -69,7 +69,7 @@ TEST_CASE("diagnose: under a tilt the base's columns are those of a tilted robot
     preprocess.decimate_to_hz = 25.0;
     return plan_preprocess(level.source->sample(), preprocess);
   }();
-  const Evidence tilted(tilted_model, tilted_model, level.layout, *level.source, plan, 0.0,
+  const Evidence tilted(tilted_model, {tilted_model}, level.layout, *level.source, plan, 0.0,
                         IdentifyOptions{});
   const MatX<double> before = level->seen_base();
   const VecX<double> torque = level->torque(), x = level.layout.prior();
@@ -152,13 +152,12 @@ TEST_CASE("diagnose: shapes are bounded by what a recording shows", "[diagnose]"
 
 TEST_CASE("diagnose: limits are tried if the torque is clear of its noise", "[diagnose]") {
   const test::SwingingEvidence evidence(20.0);  // torques of 1 N·m, white
-  for (const auto& [noise, tried] : {std::pair{0.01, true},
-                                     {1.0, false},
-                                     {std::numeric_limits<double>::quiet_NaN(), false}}) {
+  for (const auto& [noise, tried] :
+       {std::pair{0.01, true}, {1.0, false}, {std::numeric_limits<double>::quiet_NaN(), false}}) {
     CAPTURE(noise);
     std::vector<Candidate> limits{candidate(evidence.model, "saturation", "elbow")};
-    const std::vector<Refusal> refused = bound_shapes(
-        *evidence, evidence.layout, noise_of({1.0, 1.0}, {1.0, noise}), true, limits);
+    const std::vector<Refusal> refused =
+        bound_shapes(*evidence, evidence.layout, noise_of({1.0, 1.0}, {1.0, noise}), true, limits);
     CHECK(limits.size() == (tried ? 1 : 0));
     CHECK(refused.size() == (tried ? 0 : 1));
   }

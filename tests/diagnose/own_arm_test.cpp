@@ -97,7 +97,7 @@ TEST_CASE("diagnose: turns are kept where too few rows are left between them", "
     PreprocessOptions options;
     options.decimate_to_hz = hz;
     const PreprocessPlan plan = plan_preprocess(train, options);
-    return Evidence(base, base, layout, *recordings_in_memory(base, train), plan, 0.0, {})
+    return Evidence(base, {base}, layout, *recordings_in_memory(base, train), plan, 0.0, {})
         .sticking()
         .size();
   };

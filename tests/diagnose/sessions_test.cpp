@@ -32,7 +32,7 @@ struct Runs {
     preprocess.filter_hz = 8.0;
     preprocess.decimate_to_hz = 25.0;
     preprocess.min_segment = 0.0;
-    evidence = std::make_unique<Evidence>(model, model, layout, *source,
+    evidence = std::make_unique<Evidence>(model, Linearisation{model}, layout, *source,
                                           plan_preprocess(source->sample(), preprocess), 0.0,
                                           IdentifyOptions{});
   }
@@ -45,7 +45,8 @@ struct Runs {
     double e = 0.0;
     for (long row = 0; row < out.size(); ++row) {
       e = memory * e + std::sqrt(1.0 - memory * memory) * rng.normal();
-      out[row] = e + offset * evidence->stretch()[static_cast<std::size_t>(row % evidence->times())];
+      out[row] =
+          e + offset * evidence->stretch()[static_cast<std::size_t>(row % evidence->times())];
     }
     return out;
   }
@@ -78,7 +79,8 @@ TEST_CASE("sessions: an error that hangs together is no offset of a run", "[diag
   int below = 0;
   constexpr int kSeeds = 100;
   for (unsigned seed = 1; seed <= kSeeds; ++seed)
-    below += sessions_alike(*runs.evidence, runs.errors(0.0, seed), runs.all(), kElbow, seed) < 0.05;
+    below +=
+        sessions_alike(*runs.evidence, runs.errors(0.0, seed), runs.all(), kElbow, seed) < 0.05;
   // Five of 100 draws are expected, 16 in one of 10^5 (binomial); blocks of a second still hang
   // together a little, which doubles the rate.
   CHECK(below < 20);
@@ -90,7 +92,8 @@ TEST_CASE("sessions: what a run has of its own is not taken for noise", "[diagno
   for (std::size_t k = 0; k < free.size(); ++k) free[k] = static_cast<int>(k);
   const VecX<double> x0 = VecX<double>::Zero(runs.evidence->base().cols());
   const auto left = [&](double offset) {
-    return beside_smooth_functions(*runs.evidence, free, x0, runs.errors(offset, 3), runs.all(), 0.0)
+    return beside_smooth_functions(*runs.evidence, free, x0, runs.errors(offset, 3), runs.all(),
+                                   0.0)
         .left;
   };
   const VecX<double> without = left(0.0);

@@ -6,8 +6,12 @@
 #include <cmath>
 
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/generators/catch_generators.hpp>
 
+#include <diffnea/diagnose/diagnose.hpp>
 #include <diffnea/io/model_file.hpp>
+
+#include "support/rod.hpp"
 
 namespace turns_test {
 
@@ -27,6 +31,20 @@ Model with_friction() {
 }
 
 }  // namespace
+
+TEST_CASE("diagnose: friction that turns before the velocity does is no spring", "[diagnose]") {
+  const double T = GENERATE(0.0, 9.5e-3);
+  CAPTURE(T);
+  // MuJoCo's `frictionloss`, a soft constraint: T is half of 0.95 times its `solreffriction`.
+  const auto soft = [&](double, double qd, double qdd) {
+    constexpr double kWidth = 0.03;  // [rad/s]
+    return test::kRodFriction * std::clamp((qd + T * qdd) / kWidth, -1.0, 1.0);
+  };
+  const Finding f =
+      diagnose(test::rod(), {test::rod_recording(1, soft)}, {test::rod_recording(2, soft)});
+  CHECK(f.verdict == Verdict::kNone);
+  CHECK(f.causes.empty());
+}
 
 TEST_CASE("diagnose: the columns of friction's turn are its derivatives", "[diagnose]") {
   const Model model = with_friction();

@@ -66,7 +66,7 @@ struct SwingingEvidence {
     PreprocessOptions preprocess;
     preprocess.filter_hz = 8.0;
     preprocess.decimate_to_hz = 25.0;
-    evidence = std::make_unique<Evidence>(model, model, layout, *source,
+    evidence = std::make_unique<Evidence>(model, Linearisation{model}, layout, *source,
                                           plan_preprocess(source->sample(), preprocess), 0.0,
                                           IdentifyOptions{});
   }

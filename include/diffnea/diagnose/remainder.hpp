@@ -14,6 +14,7 @@ enum class WitnessForm {
   kFunction,     ///< a smooth function of them
   kOscillation,  ///< a line in its spectrum, in fitted and held-out rows
   kBursts,       ///< it is many times what the same motion shows elsewhere
+  kExcess,       ///< it is many times the noise of the signals, whatever it depends on
 };
 
 /// Names in result files.
@@ -22,7 +23,8 @@ struct EnumNames<WitnessForm> {
   /// All forms.
   static constexpr NamedValue<WitnessForm> list[] = {{WitnessForm::kFunction, "function"},
                                                      {WitnessForm::kOscillation, "oscillation"},
-                                                     {WitnessForm::kBursts, "bursts"}};
+                                                     {WitnessForm::kBursts, "bursts"},
+                                                     {WitnessForm::kExcess, "excess"}};
 };
 
 /// Variables that the residual depends on.
@@ -47,7 +49,7 @@ struct Witness {
     list.field(
         "form", &Witness::form,
         "A smooth function of the variables, or an oscillation or bursts in the time that go "
-        "with no motion.",
+        "with no motion, or an excess over what the signals' noise gives.",
         {.optional = true});
     list.field("frequency", &Witness::frequency, "Of an oscillation; else NaN.",
                {.unit = "Hz", .optional = true});
