@@ -21,7 +21,7 @@ bool goes_with(const BoundEffect& e, int joint) {
          !names_joints(e);
 }
 
-/// What the joint's links ask of it in every row of a stretch, and their inertia about it.
+/// Torque that the joint's links ask of it in every row of a stretch, and their inertia about it.
 struct Load {
   VecX<double> torque;   ///< (m) [N·m] or [N]
   VecX<double> inertia;  ///< (m) [kg·m²] or [kg]
@@ -69,7 +69,7 @@ Model bench(const Model& whole, int joint, double inertia) {
       whole.links[static_cast<std::size_t>(moving_links(whole)[static_cast<std::size_t>(joint)])];
   link.parent = 0;
   link.X_PJ = Pose<double>::identity();
-  // Of a point that is its own about every axis.
+  // The same about every axis, whichever the joint has.
   link.inertia = SpatialInertia<double>::from_theta(
       {inertia, 0.0, 0.0, 0.0, inertia, 0.0, 0.0, inertia, 0.0, inertia});
   out.links[1] = std::move(link);

@@ -30,8 +30,8 @@ class JointBench {
   Model model_;
   MotionData data_;
   FitLayout layout_;
-  std::vector<std::size_t> effects_, linear_, shape_;  ///< of its own, those of the robot
-  std::size_t first_linear_ = 0;                       ///< of its own: behind the link's
+  std::vector<std::size_t> effects_, linear_, shape_;  ///< numbers of its own among the robot's
+  std::size_t first_linear_ = 0;                       ///< its first effect's, behind the link's ten
 };
 
 /// The benches of all joints with something to fit; empty where motion of one joint alone tells

@@ -246,7 +246,7 @@ double MotionPath::step_to_turn(const MatX<double>& A, int run, double step) {
       probe_[j] += std::copysign(reach(j), change_[j]);
       rests = true;
     }
-  if (rests) {  // what holds a joint is the friction where it would get to
+  if (rests) {  // friction where a joint would get to is what holds it
     friction(q, probe_.data(), run, moving_);
     friction(q, qd, run, resting_);
     for (int j = 0; j < n_; ++j)
