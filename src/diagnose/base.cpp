@@ -20,6 +20,9 @@ constexpr double kEarly = 10e-3;
 /// Largest such time [s]: beyond, something else is late.
 constexpr double kEarliest = 15e-3;
 
+/// ΔBIC that is very strong evidence (Kass, Raftery 1995).
+constexpr double kVeryStrong = 10.0;
+
 /// Change of a joint's ln inertia: the band of its rows moves by half of that.
 constexpr double kHeavier = 0.2;
 
@@ -163,13 +166,19 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
   MatX<double> A = K(free, free);
   for (long c = 0; c < A.rows(); ++c)
     if (free[static_cast<std::size_t>(c)] < p) A(c, c) += 1e-9 * A(c, c) + 1e-300;
-  const VecX<double> b = k(free), of_free = A.ldlt().solve(b);
-  VecX<double> step = VecX<double>::Zero(width);
+  const VecX<double> b = k(free);
+  const Eigen::LDLT<MatX<double>> factor(A);
+  const VecX<double> of_free = factor.solve(b);
+  const MatX<double> inverse =
+      factor.solve(MatX<double>(MatX<double>::Identity(A.rows(), A.rows())));
+  VecX<double> step = VecX<double>::Zero(width), variance = step;
   step(free) = of_free;
+  variance(free) = inverse.diagonal();
   const auto worth = [](double value, double most) {
     const double out = std::isfinite(value) ? std::clamp(value, -most, most) : 0.0;
     return std::abs(out) > kFar * most ? out : 0.0;
   };
+  const double sure = kVeryStrong + std::log(static_cast<double>(m));  // BIC
   bool moved = false;
   long s = 0;
   for (FitParameter& shape : layout.shape) {
@@ -178,10 +187,16 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
     shape.prior *= std::exp(sharper);
     moved |= sharper != 0.0;
     const std::vector<int>& joints = layout.effects[static_cast<std::size_t>(shape.effect)].joints;
-    const double by = worth(kUnitEarlier * step[earlier(s++)], kEarly);
-    if (joints.size() != 1 || by == 0.0) continue;
+    const long column = earlier(s++);
+    if (joints.size() != 1) continue;
     double& at = early[joints.front()];
-    at = std::abs(at + by) < kEarliest ? at + by : 0.0;
+    const double now = at + kUnitEarlier * step[column],
+                 off = kUnitEarlier * std::sqrt(sure * variance[column]);
+    // Beyond doubt, as much as a contact may be, and never late: else with the velocity.
+    const bool is_early = now > off && now < kEarliest;
+    const double by = worth((is_early ? now : 0.0) - at, kEarly);
+    if (by == 0.0) continue;
+    at += by;
     moved = true;
   }
   return moved;

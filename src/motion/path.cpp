@@ -4,8 +4,6 @@
 #include <complex>
 #include <limits>
 
-#include <Eigen/Eigenvalues>
-
 #include <diffnea/effects/position_servo.hpp>
 #include <diffnea/effects/stepping.hpp>
 

@@ -5,9 +5,10 @@
 /// Runge–Kutta 4 in even steps wherever few of them are stable. Where dry friction is steeper,
 /// steps follow the speed: explicit ones that a constant friction stops at rest, and where that is
 /// within a fraction of a row, and they would chatter, a Rosenbrock–Wanner method of order 2 (ROS2:
-/// Verwer, Spee, Blom, Hundsdorfer 1999) treats the friction as the damper D = τ_f(q̇)/q̇, its secant
-/// through 0. Any matrix keeps the order of a W method, the secant keeps a joint from being pushed
-/// through rest.
+/// Verwer, Spee, Blom, Hundsdorfer 1999) treats friction and drives as dampers D. Any matrix keeps
+/// the order of a W method. Near rest D is the secant through 0, which keeps a joint from being
+/// pushed through; where it moves, the slope. No step leads over a reversal: by how much a velocity
+/// changes is told with D, for q̈ of one instant may be of a motion that is over within the step.
 
 #include <algorithm>
 #include <cmath>
