@@ -12,8 +12,6 @@ namespace {
 /// Of ln v₀: what is nearer, the base's columns follow where the evidence is.
 constexpr double kFar = 0.1;
 
-/// Unit of the column of friction that turns earlier (turns.hpp) [s].
-constexpr double kUnitEarlier = 1e-3;
 /// By how much friction may turn before the velocity does, as one standard deviation and at once
 /// [s]: a soft contact of a simulator stops a joint in about that time (MuJoCo's default: 9.5 ms).
 constexpr double kEarly = 10e-3;
@@ -144,7 +142,7 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
   const long width = evidence.base().cols();
   VecX<double> root = VecX<double>::Zero(width);
   root.tail(width - p).setOnes();  // a factor of e is the prior's width
-  for (long s = 0; s < smoothing; ++s) root[earlier(s)] = kUnitEarlier / kEarly;
+  for (long s = 0; s < smoothing; ++s) root[earlier(s)] = kEarlier / kEarly;
   root[width - 1] = of_instant(evidence);
   // Joints weighted by what the fit leaves of each.
   const VecX<double> x0 = base == Base::kRefit ? fitted(evidence, layout) : layout.prior();
@@ -190,8 +188,8 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
     const long column = earlier(s++);
     if (joints.size() != 1) continue;
     double& at = early[joints.front()];
-    const double now = at + kUnitEarlier * step[column],
-                 off = kUnitEarlier * std::sqrt(sure * variance[column]);
+    const double now = at + kEarlier * step[column],
+                 off = kEarlier * std::sqrt(sure * variance[column]);
     // Beyond doubt, as much as a contact may be, and never late: else with the velocity.
     const bool is_early = now > off && now < kEarliest;
     const double by = worth((is_early ? now : 0.0) - at, kEarly);

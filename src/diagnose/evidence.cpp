@@ -312,20 +312,22 @@ void Evidence::retime(const Model& model, const FitLayout& layout,
       if (const FitParameter& p = layout.linear[static_cast<std::size_t>(c)];
           p.effect == shape.effect)
         which.push_back(p.index), to.push_back(c);
+    std::vector<std::vector<RowMatX<double>>> columns;  // of each stretch
+    for (const JointSeries& of : series) {
+      const JointSeries x = turned(friction, of);
+      columns.push_back(series_columns(friction, extend(model, runs_, x.run), x,
+                                       friction.parameters.data(), which));
+    }
     for (const long k : reached(friction.joints)) {
       std::vector<RowMatX<double>> stretches;
-      for (std::size_t i = 0; i < series.size(); ++i) {
-        const JointSeries x = turned(friction, series[i]);
-        const auto columns = series_columns(friction, extend(model, runs_, x.run), x,
-                                            friction.parameters.data(), which);
+      for (std::size_t i = 0; i < series.size(); ++i)
         stretches.push_back(
             driven_rows_.at(i, joints_[static_cast<std::size_t>(k)], friction.joints, [&](int j) {
-              RowMatX<double> own(x.rows(), std::ssize(which));
+              RowMatX<double> own(series[i].rows(), std::ssize(which));
               for (long c = 0; c < own.cols(); ++c)
-                own.col(c) = columns[static_cast<std::size_t>(c)].col(j);
+                own.col(c) = columns[i][static_cast<std::size_t>(c)].col(j);
               return own;
             }));
-      }
       const MatX<double> rows = rows_of(k, stretches);
       for (std::size_t c = 0; c < to.size(); ++c)
         base.col(to[c]).segment(k * times(), times()) = rows.col(static_cast<long>(c));

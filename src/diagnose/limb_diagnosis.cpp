@@ -132,6 +132,7 @@ void exchange_first(MotionCase& c) {
   const MotionSolution less = c.search->solve({}, &c.best);
   for (const WindowScore& s : c.first_scores) {
     if (same_effect(s.effect, first) || !c.go_on()) return;
+    if (!holds_effect(c.candidates, s.effect)) continue;  // it was dropped before
     MotionSolution other = c.search->solve({s.effect}, &less, c.search->reach(less, c.best, 0.0));
     if (!(c.search->delta_bic(c.best, other) > 0.0)) continue;
     c.best = std::move(other);

@@ -30,13 +30,6 @@ long count(const std::vector<MotionStretch>& stretches, const std::vector<Motion
 /// Fall of χ² that noise gives a parameter on average: scores beside both points are the same.
 constexpr double kOfNoise = 1.0;
 
-std::vector<std::string> names_of(const std::vector<EffectSpec>& terms) {
-  std::vector<std::string> out;
-  for (const EffectSpec& t : terms) out.push_back(t.where + "." + t.effect);
-  std::ranges::sort(out);
-  return out;
-}
-
 /// Mean square of each joint's errors, (n), over rows that have one.
 Eigen::ArrayXd mean_squares(const RowMatX<double>& errors) {
   const auto known = errors.array() == errors.array();

@@ -5,7 +5,6 @@
 namespace diffnea {
 namespace {
 
-constexpr double kEarlier = 1e-3;  ///< [s]
 constexpr double kBend = 0.2;      ///< of ln v₀, to either side
 
 }  // namespace

@@ -21,11 +21,13 @@ std::set<int> dry_joints(const FitLayout& layout);
 
 /// Columns for each v₀ beside that of ln v₀.
 constexpr int kTurnColumns = 2;
+/// By how much earlier friction turns in the first of them [s].
+constexpr double kEarlier = 1e-3;
 
 /// A friction of the layout at the layout's values.
 BoundEffect friction_of(const FitLayout& layout, const FitParameter& smoothing);
 
-/// How the torque of `friction` changes if it turns 1 ms earlier, and if it does so by another
+/// How the torque of `friction` changes if it turns earlier by kEarlier, and if it does so by another
 /// curve: ½ ∂²τ/∂(ln v₀)². Each (N, n) [N·m] or [N].
 std::array<RowMatX<double>, kTurnColumns> turn_columns(const BoundEffect& friction, int smoothing,
                                                        const ExtendedTree& base,

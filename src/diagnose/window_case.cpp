@@ -24,6 +24,13 @@ std::vector<EffectSpec> without_effect(std::vector<EffectSpec> terms, const Effe
   return terms;
 }
 
+std::vector<std::string> names_of(const std::vector<EffectSpec>& terms) {
+  std::vector<std::string> out;
+  for (const EffectSpec& t : terms) out.push_back(t.where + "." + t.effect);
+  std::ranges::sort(out);
+  return out;
+}
+
 double window_delta_bic(double less, double more, double n, double correlation,
                         double parameters) {
   return n / correlation * std::log(less / more) - parameters * std::log(n);

@@ -28,6 +28,8 @@ bool same_effect(const EffectSpec& a, const EffectSpec& b);
 bool holds_effect(const std::vector<EffectSpec>& terms, const EffectSpec& e);
 std::vector<EffectSpec> with_effect(std::vector<EffectSpec> terms, const EffectSpec& more);
 std::vector<EffectSpec> without_effect(std::vector<EffectSpec> terms, const EffectSpec& less);
+/// Places and names, sorted: the same for the same effects in any order.
+std::vector<std::string> names_of(const std::vector<EffectSpec>& terms);
 
 /// How much less is left of n numbers in another fit than in one, BIC.
 /// @param less  sum of squares of the one  @param more  of the other, with `parameters` more

@@ -7,6 +7,8 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <set>
+#include <tuple>
 #include <utility>
 
 #include "diagnose/window_case.hpp"
@@ -18,8 +20,9 @@ inline constexpr double kAbsorbedMotion = 0.01;
 
 namespace windows {
 
-inline constexpr int kRefitted = 3;           ///< candidates a round
-inline constexpr double kRefitWithin = 30.0;  ///< ΔBIC behind the best that a rival is refitted from
+inline constexpr int kRefitted = 3;  ///< candidates a round
+inline constexpr double kRefitWithin =
+    30.0;  ///< ΔBIC behind the best that a rival is refitted from
 inline constexpr std::size_t kMostRivals = 6;
 
 template <class Search>
@@ -39,9 +42,8 @@ void refuse(WindowCase<Search>& c, const EffectSpec& e, const std::string& reaso
 template <class Search>
 std::optional<typename Search::Solution> together(WindowCase<Search>& c,
                                                   const Tried<Search>& tried) {
-  const auto far = std::ranges::count_if(tried, [&](const auto& t) {
-    return c.search->is_far_from_linear(t.second.terms.back());
-  });
+  const auto far = std::ranges::count_if(
+      tried, [&](const auto& t) { return c.search->is_far_from_linear(t.second.terms.back()); });
   if (far == 0 || tried.size() < 2 || !c.go_on()) return {};
   std::vector<EffectSpec> terms = c.best.terms;
   for (const auto& [gain, more] : tried) terms.push_back(more.terms.back());
@@ -110,6 +112,19 @@ void exchange(WindowCase<Search>& c) {
   }
 }
 
+/// Where rounds of a selection began. What is dropped may be added again beside other causes; but a
+/// round that begins where an earlier one did would lead there for ever.
+class Rounds {
+ public:
+  bool is_new(const std::vector<EffectSpec>& terms, const std::vector<EffectSpec>& candidates,
+              double cost) {
+    return seen_.insert({names_of(terms), names_of(candidates), cost}).second;
+  }
+
+ private:
+  std::set<std::tuple<std::vector<std::string>, std::vector<std::string>, double>> seen_;
+};
+
 }  // namespace windows
 
 /// Adds to `best` what it lacks, until nothing more helps.
@@ -124,7 +139,9 @@ void select_windows(
     const std::function<bool()>& is_enough = [] { return false; }) {
   std::vector<WindowScore> scores = c.first_scores;
   bool resorted = false;
-  while (c.best.terms.size() < most && c.go_on() && !is_enough()) {
+  windows::Rounds rounds;
+  while (c.best.terms.size() < most && c.tell("testing", 0) && !is_enough() &&
+         rounds.is_new(c.best.terms, c.candidates, c.best.cost)) {
     const typename Search::Solution* found = nullptr;
     windows::Tried<Search> tried;
     double to_beat = std::numeric_limits<double>::infinity();  // for one that is to be added
@@ -132,8 +149,7 @@ void select_windows(
       if (!c.go_on()) break;
       const bool linear = s.promise >= c.options.accept_delta_bic &&
                           static_cast<int>(tried.size()) < windows::kRefitted;
-      if (!linear &&
-          !(s.visible_share > kAbsorbedMotion && c.search->is_far_from_linear(s.effect)))
+      if (!linear && !(s.visible_share > kAbsorbedMotion && c.search->is_far_from_linear(s.effect)))
         continue;
       auto more = c.search->solve(with_effect(c.best.terms, s.effect), &c.best, to_beat);
       const double gain = c.search->delta_bic(c.best, more);
