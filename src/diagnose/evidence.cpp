@@ -312,7 +312,7 @@ void Evidence::retime(const Model& model, const FitLayout& layout,
       if (const FitParameter& p = layout.linear[static_cast<std::size_t>(c)];
           p.effect == shape.effect)
         which.push_back(p.index), to.push_back(c);
-    std::vector<std::vector<RowMatX<double>>> columns;  // of each stretch
+    std::vector<std::vector<RowMatX<double>>> columns;  // a stretch each
     for (const JointSeries& of : series) {
       const JointSeries x = turned(friction, of);
       columns.push_back(series_columns(friction, extend(model, runs_, x.run), x,
