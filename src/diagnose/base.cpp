@@ -5,6 +5,7 @@
 
 #include "core/decompositions.hpp"
 #include "diagnose/reference.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
@@ -17,9 +18,6 @@ constexpr double kFar = 0.1;
 constexpr double kEarly = 10e-3;
 /// Largest such time [s]: beyond, something else is late.
 constexpr double kEarliest = 15e-3;
-
-/// ΔBIC that is very strong evidence (Kass, Raftery 1995).
-constexpr double kVeryStrong = 10.0;
 
 /// Change of a joint's ln inertia: the band of its rows moves by half of that.
 constexpr double kHeavier = 0.2;
@@ -176,7 +174,7 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
     const double out = std::isfinite(value) ? std::clamp(value, -most, most) : 0.0;
     return std::abs(out) > kFar * most ? out : 0.0;
   };
-  const double sure = kVeryStrong + std::log(static_cast<double>(m));  // BIC
+  const double sure = kToldApart + std::log(static_cast<double>(m));  // BIC
   bool moved = false;
   long s = 0;
   for (FitParameter& shape : layout.shape) {

@@ -20,8 +20,6 @@ namespace {
 
 /// How often the rows are read anew, about a better base.
 constexpr int kBasePasses = 3;
-/// By how much the last of these may still move the instant at which friction turns [s].
-constexpr double kUnsettled = 5e-3;
 
 /// Whether some of the recordings are among those that the posterior was made of.
 bool is_made_of(const Posterior& posterior, const RecordingSource& source) {
@@ -86,14 +84,6 @@ bool fit_linearisation(JointCase& c, const IdentifyOptions& reading) {
     moved = true;
   }
   return moved;
-}
-
-/// Takes friction to turn with the velocity where fits do not agree on when else.
-bool drop_unsettled(const VecX<double>& before, VecX<double>& early) {
-  bool dropped = false;
-  for (long j = 0; j < before.size(); ++j)
-    if (std::abs(early[j] - before[j]) > kUnsettled) early[j] = 0.0, dropped = true;
-  return dropped;
 }
 
 AuditReport audit_logged(const JointCase& c, const RecordingSource& source) {
@@ -249,13 +239,10 @@ void prepare(JointCase& c) {
       !held.empty())
     c.finding.notes.push_back("All torques are zero, which leaves the scale of all masses open: " +
                               held + " is held at the model's value.");
-  VecX<double> before = c.about.early;
   for (int pass = 0; pass < kBasePasses && c.about.widths.empty(); ++pass) {
-    before = c.about.early;
     if (!fit_linearisation(c, reading)) break;
     read_train();
   }
-  if (drop_unsettled(before, c.about.early)) read_train();
   const std::vector<std::string> followers = follower_names(c.model);
   for (const ChannelWarning& w : c.train_source.warnings())  // others are the audit's
     if (std::ranges::find(followers, w.joint) != followers.end()) c.finding.notes.push_back(w.text);
