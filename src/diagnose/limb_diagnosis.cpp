@@ -236,7 +236,8 @@ LimbDiagnosis::LimbDiagnosis(LimbRobot robot, const IdentifyResult& base, FitCho
       case_(options, finding_) {
   finding_.interrupted = base.summary.interrupted;
   std::vector<std::string> said_already;
-  of_.data = motion_data(*train_, test_.get(), led_joints(robot_.model()), said_already);
+  of_.data =
+      motion_data(robot_.model(), *train_, test_.get(), led_joints(robot_.model()), said_already);
   of_.horizon = horizon_of(base, joint_names(robot_.model()), of_.data, test_ != nullptr);
 }
 

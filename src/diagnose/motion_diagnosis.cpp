@@ -177,7 +177,8 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
   append(base.notes, finding.notes);
 
   std::vector<std::string> said_already;
-  const MotionData data = motion_data(train, test, led_joints(base.model), said_already);
+  const MotionData data =
+      motion_data(base.model, train, test, led_joints(base.model), said_already);
   for (const double noise : data.noise.position) finding.noise.push_back(noise);
   DiagnoseOptions shared = options;
   shared.progress = shared_progress(options.progress);

@@ -9,7 +9,9 @@
 
 #include "core/constants.hpp"
 #include "identify/motionless.hpp"
+#include "identify/passes.hpp"
 #include "identify/whole_runs.hpp"
+#include "recording/held_rows.hpp"
 #include "recording/overlap.hpp"
 #include "recording/time_unit.hpp"
 
@@ -50,6 +52,26 @@ std::string without_torque(const Recording& r) {
                               "(sidecar, or --passive)";
 }
 
+/// Takes out the positions of rows in which something holds a joint, of which no model knows.
+/// @param commanded  (n) joints that drives of the model lead
+/// @param kind       of the recordings, in a note
+void leave_out_held(const Model& model, std::vector<Recording>& recordings,
+                    const std::vector<bool>& commanded, const char* kind,
+                    std::vector<std::string>& notes) {
+  for (std::size_t j = 0; j < commanded.size(); ++j) {
+    const int joint = static_cast<int>(j);
+    if (!commanded[j]) continue;
+    const std::vector<detail::HeldRows> held = detail::find_held(recordings, joint);
+    if (held.empty()) continue;
+    for (const detail::HeldRows& h : held)
+      recordings[h.recording].q.col(joint).segment(h.first, h.rows).setConstant(kNaN);
+    notes.push_back(kWarning +
+                    (recordings.front().joint_names[j] + " " +
+                     detail::held_text(recordings, held, unit_of_joint(model, joint, false)) +
+                     ". These rows" + kind + " do not count for it"));
+  }
+}
+
 /// Recordings cut into stretches; what has none is noted.
 /// @param commanded  (n) joints that drives of the model lead
 std::vector<MotionStretch> stretches_of(const std::vector<Recording>& recordings,
@@ -83,16 +105,20 @@ std::vector<MotionStretch> stretches_of(const std::vector<Recording>& recordings
 
 }  // namespace
 
-MotionData motion_data(const RecordingSource& train, const RecordingSource* test,
-                       const std::vector<bool>& commanded, std::vector<std::string>& notes) {
+MotionData motion_data(const Model& model, const RecordingSource& train,
+                       const RecordingSource* test, const std::vector<bool>& commanded,
+                       std::vector<std::string>& notes) {
   MotionData out;
-  const std::vector<Recording> fitted = whole_runs(train, 0);
+  std::vector<Recording> fitted = whole_runs(train, 0);
   out.noise = sensor_noise(fitted, passive_joints(fitted.front()));
+  leave_out_held(model, fitted, commanded, "", notes);
   out.train = stretches_of(fitted, out.noise, commanded, notes);
   for (const Recording& r : fitted) out.rows += r.rows();
-  if (test)
-    out.test = stretches_of(whole_runs(*test, static_cast<int>(train.runs().size())), out.noise,
-                            commanded, notes);
+  if (test) {
+    std::vector<Recording> held_out = whole_runs(*test, static_cast<int>(train.runs().size()));
+    leave_out_held(model, held_out, commanded, ", held out,", notes);
+    out.test = stretches_of(held_out, out.noise, commanded, notes);
+  }
   out.runs.resize(train.runs().size() + (test ? test->runs().size() : 0));
   std::iota(out.runs.begin(), out.runs.end(), 0);
   return out;

@@ -24,8 +24,9 @@ struct MotionData {
 /// @param commanded  (n) joints that drives of the model lead
 /// @param notes      recordings of which nothing can be simulated
 /// @throws DataError if nothing of the fitted, or of the held-out recordings can be simulated
-MotionData motion_data(const RecordingSource& train, const RecordingSource* test,
-                       const std::vector<bool>& commanded, std::vector<std::string>& notes);
+MotionData motion_data(const Model& model, const RecordingSource& train,
+                       const RecordingSource* test, const std::vector<bool>& commanded,
+                       std::vector<std::string>& notes);
 
 /// Joints that no stretch moves.
 std::vector<int> still_joints(const std::vector<MotionStretch>& stretches,

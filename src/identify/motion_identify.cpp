@@ -75,7 +75,7 @@ class MotionIdentification {
       begun_shape_[static_cast<long>(k)] = layout.shape[k].prior;
     n_ = layout.num_dofs;
     const std::vector<bool> commanded = commanded_joints(layout);
-    data_ = motion_data(train_, test_, commanded, result_.notes);
+    data_ = motion_data(model_, train_, test_, commanded, result_.notes);
     bound_delays(data_.noise.period, layout);
     hold_without_commands(data_.train, joint_names(model_), layout, result_.notes);
     require_a_scale(data_.train, layout);

@@ -113,7 +113,7 @@ IdentifyResult identify_by_motion(const Model& model, const RecordingSource& tra
   choice.simulated = true;
   std::vector<std::string> said_by_limbs;
   const FitLayout layout = layout_for(model, train, test, choice, said_by_limbs);
-  const MotionData data = motion_data(train, test, commanded_joints(layout), said_by_limbs);
+  const MotionData data = motion_data(model, train, test, commanded_joints(layout), said_by_limbs);
   const std::vector<LimbRobot> limbs = limb_robots(model, layout, data);
   if (limbs.size() == 1) return fit_motion(model, train, test, options);
 

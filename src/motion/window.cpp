@@ -4,6 +4,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/motion/window.hpp>
+#include <diffnea/recording/commands.hpp>
 
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
@@ -18,14 +19,8 @@ constexpr double kPause = 5.0;
 /// Degree of the polynomial of a local motion.
 constexpr long kDegree = 3;
 
-/// Columns that say whether the drives are on, and what their supply is: of all of them, or with a
-/// joint's name.
-constexpr const char *kEnable = "torque_enable", *kVoltage = "voltage";
-
-/// Tells whether a column is that of all joints or of this one.
-bool is_of(const std::string& column, const std::string& name, const std::string& joint) {
-  return column == name || column == name + "_" + joint;
-}
+/// Column of the supply: of all drives, or with a joint's name.
+constexpr const char* kVoltage = "voltage";
 
 /// Volts in the unit of an extra channel, which keeps the brackets of its column; 0: it is no
 /// supply of this joint.
@@ -34,7 +29,7 @@ double volts_of(const std::string& column, const std::string& joint) {
   const std::string unit = bracket == std::string::npos ? "[V]" : column.substr(bracket);
   std::string name = column.substr(0, bracket);
   while (name.ends_with(' ')) name.pop_back();
-  if (!is_of(name, kVoltage, joint)) return 0.0;
+  if (!is_of_drive(name, kVoltage, joint)) return 0.0;
   return unit == "[V]" ? 1.0 : unit == "[mV]" ? 1e-3 : 0.0;
 }
 
@@ -54,14 +49,9 @@ RowMatX<double> supply_of(const Recording& r) {
 }
 
 CommandPath command_path(const Recording& r) {
-  RowMatX<double> q = r.qcmd;
   VecX<double> gain = VecX<double>::Ones(r.num_joints());
-  for (long j = 0; j < q.cols(); ++j) {
+  for (long j = 0; j < r.num_joints(); ++j) {
     const std::string& joint = r.joint_names[static_cast<std::size_t>(j)];
-    for (const ExtraChannel& channel : r.extra)
-      if (is_of(channel.name, kEnable, joint))
-        for (long k = 0; k < q.rows(); ++k)
-          if (!(channel.values[k] > 0.0)) q(k, j) = std::nan("");
     for (const JointValue& c : r.info.controller)
       if (c.joint == joint && c.name == "gain") {
         if (!(c.value > 0.0))
@@ -72,7 +62,8 @@ CommandPath command_path(const Recording& r) {
         gain[j] = c.value;
       }
   }
-  CommandPath out{std::vector<double>(r.time.begin(), r.time.end()), std::move(q), std::move(gain)};
+  CommandPath out{std::vector<double>(r.time.begin(), r.time.end()), live_commands(r),
+                  std::move(gain)};
   out.set_supply(supply_of(r));
   out.set_feed_forward(r.qdcmd, r.taucmd);
   return out;
@@ -166,18 +157,17 @@ LocalMotion local_motion(const MotionStretch& stretch, double at, long from, lon
   const long m = static_cast<long>(stretch.time.size());
   for (long j = 0; j < n; ++j) {
     std::vector<double> t, y;
-    // A sensor that is slow, or was covered, says something later.
-    for (long k = from; k < m && (k < from + rows || t.size() < 2); ++k)
-      if (!std::isnan(stretch.q(k, j))) {
-        t.push_back(stretch.time[static_cast<std::size_t>(k)] - at);
-        y.push_back(stretch.q(k, j));
-      }
+    const auto take = [&](long k) {
+      if (std::isnan(stretch.q(k, j))) return false;
+      t.push_back(stretch.time[static_cast<std::size_t>(k)] - at);
+      y.push_back(stretch.q(k, j));
+      return true;
+    };
+    for (long k = from; k < std::min(from + rows, m); ++k) take(k);
+    // A sensor that is slow, or was covered, has said something before, and says something later.
     if (t.empty())
-      for (long k = from; k-- > 0 && t.empty();)
-        if (!std::isnan(stretch.q(k, j))) {
-          t.push_back(0.0);
-          y.push_back(stretch.q(k, j));
-        }
+      for (long k = from; k-- > 0 && !take(k);) continue;
+    for (long k = from + rows; k < m && t.size() < 2; ++k) take(k);
     if (t.empty()) continue;
     const long count = static_cast<long>(t.size());
     // Two rows an unknown: fewer would differentiate the noise.

@@ -324,6 +324,7 @@ std::vector<std::pair<std::string, std::string>> audit_fault_names() {
       {"twos_complement", "negative numbers of a drive were read as large positive ones"},
       {"command_swapped", "the desired position follows the position: the columns are exchanged"},
       {"command_late", "the desired position is stamped later than what it brings about"},
+      {"held", "something holds a joint while its command goes on"},
       {"one_time_stamp", "commands and positions of several drives share one stamp a row"},
       {"period", "the period that the sidecar states is not that of the motion"},
   };

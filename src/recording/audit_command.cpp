@@ -8,6 +8,7 @@
 #include "recording/audit_parts.hpp"
 #include "recording/audit_statistics.hpp"
 #include "recording/command_lag.hpp"
+#include "recording/held_rows.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -38,6 +39,20 @@ void note_one_stamp(const AuditContext& c, const std::vector<std::pair<int, Comm
   c.add(std::move(f));
 }
 
+/// A joint that something holds while its command goes on.
+void find_held_joint(const AuditContext& c, int joint) {
+  const std::vector<HeldRows> held = find_held(c.recordings, joint);
+  if (held.empty()) return;
+  const std::string& name = c.joints[static_cast<std::size_t>(joint)].name;
+  const HeldRows& most =
+      *std::ranges::max_element(held, {}, [](const HeldRows& h) { return std::abs(h.beyond); });
+  ChannelFault f = make_fault("held", name, "q_" + name, most.beyond, c.position_unit(joint));
+  f.source = c.recordings[most.recording].source;
+  f.severity = FaultSeverity::kNote;
+  f.evidence = held_text(c.recordings, held, c.position_unit(joint));
+  c.add(std::move(f));
+}
+
 }  // namespace
 
 void audit_command(AuditContext& c) {
@@ -47,6 +62,7 @@ void audit_command(AuditContext& c) {
   for (int j = 0; j < c.num_joints(); ++j) {
     if (!is_driven_blind(c, j)) continue;
     ++blind;
+    find_held_joint(c, j);
     if (const auto lag = find_command_lag(c.recordings, j)) lags.emplace_back(j, *lag);
   }
   if (lags.empty()) {

@@ -19,6 +19,21 @@ bool is_logged(const RowMatX<double>& series, long joint) {
   return joint < series.cols() && series.col(joint).array().isFinite().any();
 }
 
+bool is_of_drive(const std::string& column, const std::string& name, const std::string& joint) {
+  return column == name || column == name + "_" + joint;
+}
+
+RowMatX<double> live_commands(const Recording& recording) {
+  RowMatX<double> out = recording.qcmd;
+  for (long j = 0; j < out.cols(); ++j)
+    for (const ExtraChannel& channel : recording.extra)
+      if (is_of_drive(channel.name, "torque_enable",
+                      recording.joint_names[static_cast<std::size_t>(j)]))
+        for (long k = 0; k < out.rows(); ++k)
+          if (!(channel.values[k] > 0.0)) out(k, j) = std::nan("");
+  return out;
+}
+
 std::vector<ChannelWarning> find_early_responses(const std::vector<JointDescription>& joints,
                                                  const std::vector<Recording>& recordings) {
   std::vector<ChannelWarning> out;

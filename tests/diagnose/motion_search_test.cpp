@@ -30,7 +30,7 @@ struct Fitted {
             nullptr,
             options.choice,
             options.motion,
-            motion_data(*train, nullptr, {true}, notes),
+            motion_data(model, *train, nullptr, {true}, notes),
             1.0};
   }
   MotionSearch search() {

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <utility>
 
 #include <catch2/catch_test_macros.hpp>
@@ -12,6 +13,7 @@
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/random.hpp>
 
+#include "recording/held_rows.hpp"
 #include "support/servo_bench.hpp"
 
 namespace diffnea::drives_test {
@@ -23,6 +25,7 @@ struct Bench {
   double stiffness = 12.0, damping = 0.5, delay = 0.02, reach = 0.25, speed = 4.0;
   double armature = 0.02, coulomb = 0.08;
   double load = 0.0;  // share of the torque at the arm that friction takes
+  double stop = std::numeric_limits<double>::infinity();  // which the arm does not pass [rad]
   std::function<double(double)> supply;  // over time [s], [V]; nominal: 7.4; empty: not logged
   /// Velocity and torque told beside positions, over time [s]; empty: none.
   std::function<double(double)> velocity, torque;
@@ -99,6 +102,7 @@ struct Bench {
                              damping * v + late_fed;
         v = after(v, drive, mass * 9.81 * length * std::sin(q), J, h);
         q += h * v;
+        if (q > stop) q = stop, v = 0.0;
       }
     }
     return r;
@@ -150,6 +154,51 @@ TEST_CASE("identify: a servo's law from commands and positions alone, runs of tw
   CHECK(result.errors[0].test < 1.5e-3);  // an encoder's step
   CHECK(result.errors[0].nominal_test > 0.1);
   CHECK(result.notes.front().find("no torque was recorded at servo") != std::string::npos);
+}
+
+TEST_CASE("identify: rows in which a stop holds the joint do not count", "[identify]") {
+  Bench bench;
+  bench.reach = bench.speed = 1e3;
+  const auto told = [](double t) { return 1.3 * std::sin(1.2 * t) + 0.1 * std::sin(5.0 * t); };
+  const std::vector<Recording> test{bench.record(told, 1.0, 8.0, 0)};
+  bench.stop = 0.7;
+  const Recording train = bench.record(told, 1.0, 12.0, 0);
+  const IdentifyResult result = identify(bench.model(), {train}, test);
+  CHECK(says(result, "servo is held near 0.69"));
+  CHECK_FALSE(says(result, "held out, do not count"));
+  for (const auto& [name, is] : {std::pair{"position_servo.stiffness", bench.stiffness},
+                                 {"position_servo.damping", bench.damping},
+                                 {"position_servo.delay", bench.delay},
+                                 {"armature.armature", bench.armature}}) {
+    CAPTURE(name, is, value(result, name));
+    CHECK(std::abs(value(result, name) - is) < 0.05 * is);
+  }
+  CHECK(result.errors[0].test < 1.5e-3);  // an encoder's step
+  // Every row is one whose command the arm could have followed, or is left out.
+  double seconds = 0.0;
+  for (const detail::HeldRows& held : detail::find_held({train}, 0)) {
+    CHECK(std::abs(held.at - bench.stop) < 1.5e-3);
+    CHECK(train.qcmd.col(0).segment(held.first, held.rows).maxCoeff() > bench.stop);
+    seconds += 0.01 * static_cast<double>(held.rows);
+  }
+  const double beyond = 0.01 * static_cast<double>((train.qcmd.array() > bench.stop).count());
+  CHECK(std::abs(seconds - beyond) < 0.3 * beyond);
+  Recording off = train;  // a drive that is off holds nothing back
+  off.extra = {{"torque_enable", VecX<double>::Zero(off.rows())}};
+  CHECK(detail::find_held({off}, 0).empty());
+}
+
+TEST_CASE("identify: neither friction nor a weak drive is a stop", "[identify]") {
+  Bench bench;
+  const auto told = [](double t) { return 2.0 * std::sin(0.8 * t) + 0.4 * std::sin(3.0 * t); };
+  SECTION("a drive that cannot lift its load") {
+    bench.mass = 1.0;  // 0.98 N·m at the most, of which the drive has 0.6
+    bench.reach = 0.05;
+  }
+  SECTION("friction that holds a soft drive") { bench.coulomb = 0.5, bench.stiffness = 3.0; }
+  SECTION("friction of the load") { bench.load = 0.6, bench.mass = 1.0, bench.stiffness = 4.0; }
+  SECTION("a slow drive") { bench.speed = 0.5; }
+  CHECK(detail::find_held({bench.record(told, 1.0, 30.0, 0)}, 0).empty());
 }
 
 TEST_CASE("identify: a drive that is told velocities and torques beside positions", "[identify]") {

@@ -11,6 +11,14 @@ namespace diffnea {
 /// Tells whether a series (N, n) of joints, which may be empty, has a value of this one.
 bool is_logged(const RowMatX<double>& series, long joint);
 
+/// Tells whether a column is that of all drives, by its name alone, or with a joint's name of this
+/// one's.
+bool is_of_drive(const std::string& column, const std::string& name, const std::string& joint);
+
+/// Desired positions (N, n), or (N, 0); NaN where the drive is off: none is commanded, or the
+/// column `torque_enable` (of one joint: with `_<joint>`) is not above 0.
+RowMatX<double> live_commands(const Recording& recording);
+
 /// Joints whose position comes before its command, by more than a row and five standard errors: the
 /// columns are exchanged, or the command is stamped too late.
 /// @param joints  in the order of the columns

@@ -1,0 +1,30 @@
+#pragma once
+/// Rows in which something holds a joint that its command leads on: an end stop, an object between
+/// its fingers, a hand. Internal.
+
+#include <string>
+#include <vector>
+
+#include <diffnea/recording/recording.hpp>
+
+namespace diffnea::detail {
+
+/// Consecutive rows in which a joint is held.
+struct HeldRows {
+  std::size_t recording = 0;
+  long first = 0, rows = 0;
+  double at = 0.0;      ///< position where it rests [rad] or [m]
+  double beyond = 0.0;  ///< how far its command is off for 0.2 s, at most [rad] or [m]
+};
+
+/// A drive that is too weak, and friction, stop a joint as well, but let go while the command is
+/// still far off. Held is a joint that rests where it arrived, while its command goes on the same
+/// way by twice the error that moves it elsewhere, and stays until the command is back.
+/// @param joint  column of recordings with commands (live_commands)
+std::vector<HeldRows> find_held(const std::vector<Recording>& recordings, int joint);
+
+/// "is held near −1.03 rad for 5.2 s, the first from t = 60.4 s of arm.csv, while …"
+std::string held_text(const std::vector<Recording>& recordings, const std::vector<HeldRows>& held,
+                      const std::string& unit);
+
+}  // namespace diffnea::detail
