@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/constants.hpp"
+#include "identify/drives.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -71,6 +72,19 @@ bool may_be_none(std::size_t bound, const MotionClimb& climb) {
   return value * value <= sure * fit.covariance(column, column);
 }
 
+/// Tells whether windows, with the best states, cost less in all.
+bool costs_less(const MotionFitter& at, const std::vector<MotionWindow>& windows, double most) {
+  double cost = 0.0;
+  for (std::size_t first = 0; first < windows.size() && cost < most; first += kTogether) {
+    const auto begin = windows.begin() + static_cast<long>(first);
+    std::vector<MotionWindow> some(
+        begin, begin + static_cast<long>(std::min(kTogether, windows.size() - first)));
+    at.fit_states(some, kOnTheWay, most - cost);
+    cost += at.cost(some);
+  }
+  return cost < most;
+}
+
 }  // namespace
 
 double bic(double objective, double free, double independent) {
@@ -81,16 +95,11 @@ bool does_as_well(const MotionFitter& other, const MotionClimb& climb, double fe
   const double independent = climb.independent(),
                most = climb.fitter().now().objective *
                       std::exp((fewer * std::log(independent) + kVeryStrong) / independent);
-  const std::vector<MotionWindow>& windows = climb.at().windows;
-  double cost = 0.0;
-  for (std::size_t first = 0; first < windows.size() && cost < most; first += kTogether) {
-    const auto begin = windows.begin() + static_cast<long>(first);
-    std::vector<MotionWindow> some(
-        begin, begin + static_cast<long>(std::min(kTogether, windows.size() - first)));
-    other.fit_states(some, kOnTheWay, most - cost);
-    cost += other.cost(some);
-  }
-  return cost < most;
+  const std::vector<MotionWindow>& whole = climb.at().windows;
+  // Of a long run a short piece mostly tells, which has a state of its own to do better by.
+  const std::vector<MotionWindow> pieces = climb.pieces(kForgets);
+  if (pieces.size() > whole.size() && !costs_less(other, pieces, most)) return false;
+  return costs_less(other, whole, most);
 }
 
 std::vector<double> command_errors(const MotionStretch& stretch, int joint, double delay,

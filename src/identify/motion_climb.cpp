@@ -121,6 +121,12 @@ void MotionClimb::change(FitLayout layout, const VecX<double>& x, const VecX<dou
   begin_fitter(x, shape, iterations);
 }
 
+std::vector<MotionWindow> MotionClimb::pieces(double horizon) const {
+  std::vector<MotionWindow> out = cut_windows(data_.train, horizon, at_.windows);
+  set_measured_states(data_.train, first_, out);
+  return out;
+}
+
 double MotionClimb::independent() const {
   const MotionFit& fit = fitter_->now();
   const double n = static_cast<double>(std::max(fit.samples, 1L));

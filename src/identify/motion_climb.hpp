@@ -71,6 +71,8 @@ class MotionClimb {
   const MotionBeginning& beginning() const { return from_; }
   /// The fitted windows.
   const Ladder& at() const { return at_; }
+  /// The same windows in pieces of a horizon, from states that the positions give.
+  std::vector<MotionWindow> pieces(double horizon) const;
   /// Windows that fell apart last, of the horizon that was tried.
   const Ladder& apart() const { return apart_; }
   double reached() const { return reached_; }  ///< longest horizon that holds together [s]

@@ -299,8 +299,9 @@ class MotionIdentification {
       // Known to a factor of e, or to 1 rad or m, as in the inverse loss.
       shape_std[k] = s < (def.logarithmic ? fit.shape[k] : 1.0) ? s : kNaN;
     }
-    note_drives(data_, *climb_, model_, options_.motion, {std, shape_std, identifiable},
-                result_.notes);
+    if (!fit.interrupted)
+      note_drives(data_, *climb_, model_, options_.motion, {std, shape_std, identifiable},
+                  result_.notes);
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
     for (const EffectSpec& e : result_.model.effects)  // rotors, as set_rotors() has them

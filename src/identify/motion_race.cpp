@@ -297,36 +297,36 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
     return joint_by_joint(model, data, layout, benches, ladder, options, progress);
   const MotionData some = pieces_of(data, layout, trial, kPieces);
   const VecX<double> limit = apart_limit(some);
-  std::vector<std::unique_ptr<MotionClimb>> fits;
   std::vector<Start> starts{{}, {.heavy_rotors = true}};
   if (has_gains(layout)) starts.push_back({.at_file = true});
   for (const double share : kSpeedShares) starts.push_back({.speed_share = share});
   for (const double share : kReachShares)
     starts.push_back({.speed_share = 1.0, .reach_share = share});
-  for (const Start& start : starts) {
-    fits.push_back(std::make_unique<MotionClimb>(
-        model, some, beginning(model, some, layout, first, start), limit, options, progress));
-    fits.back()->begin(first);
-  }
   const auto cost = [](const auto& f) { return f->fitter().now().objective; };
   double independent = 1.0, least = kInfinity;
-  MotionClimb* best = fits.front().get();
-  for (std::size_t k = 0; k < fits.size(); ++k) {
-    MotionClimb& f = *fits[k];
+  std::unique_ptr<MotionClimb> winner;
+  for (const Start& start : starts) {
+    auto own = std::make_unique<MotionClimb>(
+        model, some, beginning(model, some, layout, first, start), limit, options, progress);
+    MotionClimb& f = *own;
+    f.begin(first);
     const auto bic_of = [&](double objective) {  // bounds must be beyond doubt
       return bic(objective, count_free(f.layout()), independent) +
-             (starts[k].speed_share ? kVeryStrong : 0.0);
+             (start.speed_share ? kVeryStrong : 0.0);
     };
     // Objective at which this one would still be in the race.
     const double to_beat = std::exp((least + kVeryStrong - bic_of(1.0)) / independent);
     f.advance(trial, kOnTheWay, to_beat);
-    if (f.fitter().now().blown_up == 0 && (least == kInfinity || bic_of(cost(&f)) < least)) {
+    const bool better =
+        f.fitter().now().blown_up == 0 && (least == kInfinity || bic_of(cost(&f)) < least);
+    if (better) {
       if (least == kInfinity) independent = f.independent();
-      best = &f;
       least = bic_of(cost(&f));
     }
+    if (better || !winner) winner = std::move(own);
     if (f.fitter().now().interrupted) break;
   }
+  MotionClimb* best = winner.get();
   std::vector<std::string> released;
   std::optional<MotionClimb> scaled;
   if (!best->fitter().now().interrupted)
