@@ -96,7 +96,7 @@ bool does_as_well(const MotionFitter& other, const MotionClimb& climb, double fe
                most = climb.fitter().now().objective *
                       std::exp((fewer * std::log(independent) + kVeryStrong) / independent);
   const std::vector<MotionWindow>& whole = climb.at().windows;
-  // Of a long run a short piece mostly tells, which has a state of its own to do better by.
+  // A short piece of a long run mostly tells, which has a state of its own to do better by.
   const std::vector<MotionWindow> pieces = climb.pieces(kForgets);
   if (pieces.size() > whole.size() && !costs_less(other, pieces, most)) return false;
   return costs_less(other, whole, most);
