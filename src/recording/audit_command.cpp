@@ -13,13 +13,6 @@
 namespace diffnea::detail {
 namespace {
 
-/// Commands of drives are what is fitted where no torque is known; there the order of transfers
-/// matters.
-bool is_driven_blind(const AuditContext& c, int joint) {
-  return !c.has_tau[static_cast<std::size_t>(joint)] &&
-         !c.joints[static_cast<std::size_t>(joint)].passive;
-}
-
 /// A row's stamp is taken once; drives on a bus are written and read one after the other.
 void note_one_stamp(const AuditContext& c, const std::vector<std::pair<int, CommandLag>>& lags) {
   if (lags.size() < 2) return;
@@ -60,7 +53,7 @@ void audit_command(AuditContext& c) {
   std::vector<std::pair<int, CommandLag>> lags;
   int blind = 0;
   for (int j = 0; j < c.num_joints(); ++j) {
-    if (!is_driven_blind(c, j)) continue;
+    if (!c.is_driven_blind(j)) continue;
     ++blind;
     find_held_joint(c, j);
     if (const auto lag = find_command_lag(c.recordings, j)) lags.emplace_back(j, *lag);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include <diffnea/recording/commands.hpp>
 #include <diffnea/recording/position_warnings.hpp>
 
 #include "recording/audit_parts.hpp"
@@ -81,7 +82,11 @@ void find_clipping(const AuditContext& c, const ChannelView& view) {
   const double quantum = find_quantum(view.values);
   const Recording& r = c.recordings[view.recording];
   VecX<double> command;
-  if (view.kind == 'q' && view.joint >= 0 && r.qcmd.size() > 0) command = r.qcmd.col(view.joint);
+  if (view.kind == 'q' && view.joint >= 0 && is_logged(r.qcmd, view.joint)) {
+    // Friction holds a servo at its turns; what else does is told by its commands (`held`).
+    if (c.is_driven_blind(view.joint)) return;
+    command = r.qcmd.col(view.joint);
+  }
   for (const double sign : {1.0, -1.0}) {
     const FlatTop top = find_flat_top(view.values, command, sign, quantum);
     if (top.rows == 0) continue;

@@ -43,6 +43,11 @@ struct AuditContext {
   void check(std::string name, bool done, std::string text) const {
     report.checks.push_back({std::move(name), done, std::move(text)});
   }
+  /// Whether nobody knows the torque of a drive: its commands are what is fitted then.
+  bool is_driven_blind(int joint) const {
+    return !has_tau[static_cast<std::size_t>(joint)] &&
+           !joints[static_cast<std::size_t>(joint)].passive;
+  }
   int num_joints() const { return static_cast<int>(joints.size()); }
   /// "rad" or "m"; "N*m" or "N".
   std::string position_unit(int joint) const { return joints[joint].prismatic ? "m" : "rad"; }

@@ -181,7 +181,7 @@ std::string held_text(const std::vector<Recording>& recordings, const std::vecto
          " (at t = " + number_text(r.time[most.first]) + " s of " + r.source + "; " +
          number_text(seconds) + " s in all), while its command goes on by " +
          number_text(far(most)) + " " + unit +
-         ": an end stop, a limit of its drive, or something in its way";
+         ": an end stop or that of its sensor, a limit of its drive, or something in its way";
 }
 
 }  // namespace diffnea::detail

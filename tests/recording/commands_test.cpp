@@ -112,6 +112,31 @@ TEST_CASE("commands: rows too far apart, and degrees, are refused", "[recording]
   CHECK_THROWS_WITH(require_commands(limited, {degrees}), ContainsSubstring("`qcmd_servo [deg]`"));
 }
 
+TEST_CASE("commands: a servo that rests where it turns is not clipped, one that is held is told",
+          "[audit]") {
+  constexpr double kFriction = 0.05, kStop = 0.5;  // of a drive that follows at once
+  const bool stops = GENERATE(false, true);
+  Recording r = driven(Motion::kSines, 0.02, 0.0);
+  double q = 0.0;
+  for (long i = 0; i < r.rows(); ++i) {
+    r.qcmd(i, 0) = std::sin(0.9 * r.time[i]) + 0.02 * std::sin(7.0 * r.time[i]);
+    q = std::clamp(q, r.qcmd(i, 0) - kFriction, r.qcmd(i, 0) + kFriction);
+    r.q(i, 0) = q = std::min(q, stops ? kStop : 2.0);
+  }
+  const AuditReport report = audit({r});
+  const auto is = [&](const char* name) {
+    return std::ranges::count(report.faults, name, &ChannelFault::fault);
+  };
+  CHECK(is("position_clipped") == 0);
+  REQUIRE(is("held") == (stops ? 1 : 0));
+  if (!stops) return;
+  const ChannelFault& held = *std::ranges::find(report.faults, "held", &ChannelFault::fault);
+  CHECK(held.severity == FaultSeverity::kNote);
+  CHECK(held.channel == "q_servo");
+  CHECK_THAT(held.value, WithinAbs(1.0 - kStop, 0.05));
+  CHECK_THAT(held.evidence, ContainsSubstring("near 0.5 rad"));
+}
+
 TEST_CASE("commands: several drives under one stamp are a note, with their lags", "[audit]") {
   Recording r = driven(Motion::kSines, 0.02, 0.01), other = driven(Motion::kSines, 0.02, 0.03, 2);
   r.joint_names = {"pan", "lift"};
