@@ -43,7 +43,7 @@ struct AuditContext {
   void check(std::string name, bool done, std::string text) const {
     report.checks.push_back({std::move(name), done, std::move(text)});
   }
-  /// Whether nobody knows the torque of a drive: its commands are what is fitted then.
+  /// Tells whether nobody knows the torque of a drive: its commands are what is fitted then.
   bool is_driven_blind(int joint) const {
     return !has_tau[static_cast<std::size_t>(joint)] &&
            !joints[static_cast<std::size_t>(joint)].passive;

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include <diffnea/core/text.hpp>
 #include <diffnea/recording/commands.hpp>
 
 #include "core/statistics.hpp"
+#include "recording/command_lag.hpp"
 
 namespace diffnea::detail {
 namespace {
@@ -18,10 +20,13 @@ constexpr double kLasts = 0.2;
 constexpr double kMoves = 0.01;
 /// Share of rows that move whose error is below the usual one.
 constexpr double kMost = 0.9;
-/// Over that error, how much the command of a held joint goes on.
-constexpr double kGoesOn = 2.0;
-/// Share of that error within which a joint rests: a stop gives, too.
-constexpr double kRests = 0.1;
+/// Over that error, by how much the error at which a joint rests and the one at which it leaves
+/// differ if it is held: friction and weight make the one twice the other.
+constexpr double kFurther = 3.5;
+/// The same of the error at which it leaves: a drive at its limit lets go at that.
+constexpr double kBack = 2.0;
+/// Share of the usual error within which a joint rests: a stop gives, too.
+constexpr double kRests = 0.3;
 /// Rows that move, from which the error at which a joint moves is known.
 constexpr std::size_t kFewest = 100;
 
@@ -58,14 +63,18 @@ std::vector<Led> led(const std::vector<Recording>& recordings, int joint) {
   return out;
 }
 
-/// Error that moves the joint nine times in ten; +∞: it hardly moves.
-double usual_error(const std::vector<Led>& all, double range) {
+/// Error that moves the joint nine times in ten, over the command that it answers to; +∞: it hardly
+/// moves.
+/// @param lag  of the position [s]
+double usual_error(const std::vector<Led>& all, double range, double lag) {
   std::vector<double> moving;
   for (const Led& of : all)
-    for (long k = 0; k < of.size(); ++k)
+    for (long k = 0, told = 0; k < of.size(); ++k) {
+      while (told < k && of.t[told + 1] <= of.t[k] - lag) ++told;
       if (const long end = of.later(k);
           end < of.size() && std::abs(of.q[end] - of.q[k]) > kMoves * range)
-        moving.push_back(std::abs(of.error[k]));
+        moving.push_back(std::abs(of.q[told] + of.error[told] - of.q[k]));
+    }
   return moving.size() < kFewest ? std::numeric_limits<double>::infinity()
                                  : quantile(std::move(moving), kMost);
 }
@@ -105,9 +114,9 @@ std::vector<std::pair<long, long>> held_rests(const Led& of, double side, double
     long before = first;
     while (before > 0 && of.t[first] - of.t[before] < kLasts) --before;
     const bool arrives = side * (of.q[first] - of.q[before]) > 0.0,
-               comes_back = end < of.size() && side * of.error[last] < usual;
-    const double arrived = std::max(side * of.error[first], 0.0);
-    if (arrives && comes_back && lasting(of, side, first, last) > arrived + kGoesOn * usual) {
+               comes_back = end < of.size() && side * of.error[last] < kBack * usual;
+    const double leaves = std::max(side * of.error[last], 0.0);
+    if (arrives && comes_back && lasting(of, side, first, last) > leaves + kFurther * usual) {
       // A stop gives before it holds.
       const double from = side * of.q[first] - usual;
       while (first > 0 && side * of.error[first - 1] > usual && side * of.q[first - 1] > from)
@@ -126,7 +135,8 @@ std::vector<HeldRows> find_held(const std::vector<Recording>& recordings, int jo
   double low = std::numeric_limits<double>::infinity(), high = -low;
   for (const Led& of : all)
     for (const double q : of.q) low = std::min(low, q), high = std::max(high, q);
-  const double usual = usual_error(all, high - low);
+  const std::optional<CommandLag> lag = find_command_lag(recordings, joint);
+  const double usual = usual_error(all, high - low, lag ? lag->seconds : 0.0);
   std::vector<HeldRows> out;
   if (!std::isfinite(usual) || !(usual > 0.0)) return out;
   for (const double side : {1.0, -1.0}) {
@@ -179,9 +189,10 @@ std::string held_text(const std::vector<Recording>& recordings, const std::vecto
   const Recording& r = recordings[most.recording];
   return "is held near " + number_text(most.at) + " " + unit +
          " (at t = " + number_text(r.time[most.first]) + " s of " + r.source + "; " +
-         number_text(seconds) + " s in all), while its command goes on by " +
-         number_text(far(most)) + " " + unit +
-         ": an end stop or that of its sensor, a limit of its drive, or something in its way";
+         number_text(seconds) + " s in all), while its command is " + number_text(far(most)) + " " +
+         unit +
+         " further on: an end stop or that of its sensor, a limit of its drive, or "
+         "something in its way";
 }
 
 }  // namespace diffnea::detail

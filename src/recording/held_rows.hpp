@@ -17,13 +17,13 @@ struct HeldRows {
   double beyond = 0.0;  ///< how far its command is off for 0.2 s, at most [rad] or [m]
 };
 
-/// A drive that is too weak, and friction, stop a joint as well, but let go while the command is
-/// still far off. Held is a joint that rests where it arrived, while its command goes on the same
-/// way by twice the error that moves it elsewhere, and stays until the command is back.
+/// A drive that is too weak, friction and weight stop a joint as well, and let go while its command
+/// is about as far off as when it came to rest. Held is a joint that rests with a command much
+/// further on, by the error that moves it elsewhere, and stays until the command is back.
 /// @param joint  column of recordings with commands (live_commands)
 std::vector<HeldRows> find_held(const std::vector<Recording>& recordings, int joint);
 
-/// "is held near −1.03 rad for 5.2 s, the first from t = 60.4 s of arm.csv, while …"
+/// "is held near −1.03 rad (at t = 60.4 s of arm.csv; 5.2 s in all), while …"
 std::string held_text(const std::vector<Recording>& recordings, const std::vector<HeldRows>& held,
                       const std::string& unit);
 

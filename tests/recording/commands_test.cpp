@@ -13,6 +13,7 @@
 #include <diffnea/recording/audit.hpp>
 
 #include "recording/command_lag.hpp"
+#include "recording/held_rows.hpp"
 
 using Catch::Matchers::ContainsSubstring;
 using Catch::Matchers::WithinAbs;
@@ -114,7 +115,7 @@ TEST_CASE("commands: rows too far apart, and degrees, are refused", "[recording]
 
 TEST_CASE("commands: a servo that rests where it turns is not clipped, one that is held is told",
           "[audit]") {
-  constexpr double kFriction = 0.05, kStop = 0.5;  // of a drive that follows at once
+  constexpr double kFriction = 0.05, kStop = 0.5;  // [rad]; its drive follows at once
   const bool stops = GENERATE(false, true);
   Recording r = driven(Motion::kSines, 0.02, 0.0);
   double q = 0.0;
@@ -135,6 +136,30 @@ TEST_CASE("commands: a servo that rests where it turns is not clipped, one that 
   CHECK(held.channel == "q_servo");
   CHECK_THAT(held.value, WithinAbs(1.0 - kStop, 0.05));
   CHECK_THAT(held.evidence, ContainsSubstring("near 0.5 rad"));
+}
+
+TEST_CASE("commands: fingers that close on an object are held, though their command jumped",
+          "[audit]") {
+  constexpr double kFriction = 0.02, kObject = 0.3;
+  Recording r = driven(Motion::kSteps, 0.05, 0.0);
+  double q = 0.5;
+  for (long i = 0; i < r.rows(); ++i) {
+    const double phase = std::fmod(r.time[i], 6.0);  // closes, on an object every other time; opens
+    r.qcmd(i, 0) = 0.6 - (phase < 3.0 ? 0.6 * std::min(phase / 0.4, 1.0)
+                                      : 0.6 * std::max(0.0, 1.0 - (phase - 3.0) / 0.4));
+    const double pull = r.qcmd(i, 0) - q, moves = std::abs(pull) - kFriction;
+    if (moves > 0.0) q += 0.2 * std::copysign(moves, pull);
+    if (std::fmod(r.time[i], 12.0) < 6.0) q = std::max(q, kObject);
+    r.q(i, 0) = q;
+  }
+  const std::vector<detail::HeldRows> held = detail::find_held({r}, 0);
+  REQUIRE(held.size() == 3);
+  for (const detail::HeldRows& h : held) {
+    CHECK_THAT(h.at, WithinAbs(kObject, 1e-6));
+    CHECK_THAT(h.beyond, WithinAbs(-kObject, 0.02));
+    CHECK(h.rows > 200);
+    CHECK(h.rows < 350);
+  }
 }
 
 TEST_CASE("commands: several drives under one stamp are a note, with their lags", "[audit]") {
