@@ -168,9 +168,10 @@ void note_parameters(const MotionSolution& best, Finding& f) {
 /// @param described  fit of the base, which knows where it began
 /// @param period     of rows [s]: a delay by half of it may be one of the stamps
 /// @param samples    of all joints
+/// @param together   samples that count as one
 void note_refuted(const MotionSolution& best, const IdentifyResult& described, double period,
-                  double samples, Finding& f) {
-  constexpr double kSure = 2.0;  // standard errors
+                  double samples, double together, Finding& f) {
+  const double sure = std::sqrt(kVeryStrong + std::log(samples / together));  // standard errors
   const double of_joint = samples / static_cast<double>(best.layout.num_dofs);
   const auto add = [&](const FitParameter& p, double value, long column) {
     if (p.fixed || p.effect < 0) return;
@@ -186,7 +187,7 @@ void note_refuted(const MotionSolution& best, const IdentifyResult& described, d
     if (column < best.fit.x.size() && gain->prior == 0.0) return;  // no drive is described
     const double std = std::sqrt(std::max(best.fit.covariance(column, column), 0.0)),
                  off = std::abs(value - known->prior);
-    if (!(off > kSure * std) || (p.name.ends_with(".delay") && off < 0.5 * period)) return;
+    if (!(off > sure * std) || (p.name.ends_with(".delay") && off < 0.5 * period)) return;
     const bool was_none =
         is_bound_of_drive(best.layout, p) && known->prior == no_bound(best.layout, p);
     const double step = p.logarithmic ? std::abs(std::log(value / known->prior)) : off,
@@ -284,12 +285,20 @@ void LimbDiagnosis::search() {
   MotionCase& c = case_;
   std::vector<Candidate> candidates = candidates_beside(robot_.model(), asked_, of_.train.sample(),
                                                         of_.data.noise.position, finding_);
-  for (const Candidate& one : candidates)
+  std::vector<EffectSpec> by_steps;
+  for (const Candidate& one : candidates) {
     c.candidates.push_back({one.effect.info().name, one.effect.where, {}});
+    if (is_scored_by_steps(one.effect)) by_steps.push_back(c.candidates.back());
+  }
   c.search = std::make_unique<MotionSearch>(
       robot_.model(), of_, std::move(candidates),
       [&c](const std::string& stage, int more) { return c.tell(stage, more); });
   c.base = c.best = c.search->solve({}, nullptr);
+  if (by_steps.size() < c.candidates.size() && c.go_on() && c.search->is_at_noise(c.base))
+    for (const EffectSpec& e : by_steps) {
+      windows::refuse(c, e, "not tried: no more than noise is left for it", 0.0);
+      c.candidates = without_effect(c.candidates, e);
+    }
   if (c.go_on()) c.first_scores = c.search->scores(c.base, c.candidates);
   const std::size_t joints = joint_names(robot_.model()).size(),
                     most = c.options.max_causes > 0 ? static_cast<std::size_t>(c.options.max_causes)
@@ -331,7 +340,8 @@ void LimbDiagnosis::describe() {
   describe_candidates(case_);
   describe_causes(case_);
   note_parameters(case_.best, finding_);
-  note_refuted(case_.best, described_, of_.data.noise.period.minCoeff(), samples(), finding_);
+  note_refuted(case_.best, described_, of_.data.noise.period.minCoeff(), samples(),
+               case_.search->correlation(case_.best), finding_);
   note_joints(case_, robot_.model(), of_);
 }
 
