@@ -109,6 +109,7 @@ void bind_finding_parts(py::module_& m) {
   value_type<GreyBox>(m);
   value_type<Absorbed>(m);
   value_type<JointGain>(m);
+  value_type<RefutedNumber>(m);
   value_type<EvidenceCurve>(m);
   value_type<EvidencePlot>(m);
   value_type<ExperimentPair>(m);

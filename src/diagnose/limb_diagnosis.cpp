@@ -8,6 +8,7 @@
 #include "core/constants.hpp"
 #include "diagnose/chi_square.hpp"
 #include "diagnose/window_selection.hpp"
+#include "identify/drive_bounds.hpp"
 #include "identify/drives.hpp"
 #include "identify/passes.hpp"
 
@@ -162,6 +163,45 @@ void note_parameters(const MotionSolution& best, Finding& f) {
   add(best.layout.shape, best.fit.shape, p);
 }
 
+/// Numbers of drives, rotors and friction that are not the description's beyond doubt, where that
+/// moves a joint by more than noise hides.
+/// @param described  fit of the base, which knows where it began
+/// @param period     of rows [s]: a delay by half of it may be one of the stamps
+/// @param samples    of all joints
+/// @param together   samples that count as one
+void note_refuted(const MotionSolution& best, const IdentifyResult& described, double period,
+                  double samples, double together, Finding& f) {
+  const double sure = std::sqrt(kVeryStrong + std::log(samples / together));  // standard errors
+  const double of_joint = samples / static_cast<double>(best.layout.num_dofs);
+  const auto add = [&](const FitParameter& p, double value, long column) {
+    if (p.fixed || p.effect < 0) return;
+    const BoundEffect& effect = best.layout.effects[static_cast<std::size_t>(p.effect)];
+    const auto find = [&](const std::string& name) {
+      return std::ranges::find(described.parameters, name, &ParameterEstimate::name);
+    };
+    const auto known = find(p.name), gain = find(effect.where + ".position_servo.stiffness");
+    if (effect.joints.size() != 1 || known == described.parameters.end() ||
+        gain == described.parameters.end() ||
+        holds_effect(best.terms, {effect.info().name, effect.where, {}}))
+      return;
+    if (column < best.fit.x.size() && gain->prior == 0.0) return;  // no drive is described
+    const double std = std::sqrt(std::max(best.fit.covariance(column, column), 0.0)),
+                 off = std::abs(value - known->prior);
+    if (!(off > sure * std) || (p.name.ends_with(".delay") && off < 0.5 * period)) return;
+    const bool was_none =
+        is_bound_of_drive(best.layout, p) && known->prior == no_bound(best.layout, p);
+    const double step = p.logarithmic ? std::abs(std::log(value / known->prior)) : off,
+                 moves = step * best.fit.R.col(column).norm() / std::sqrt(of_joint);
+    if (moves * moves > kHiddenByNoise)
+      f.drives.push_back({p.name, p.unit, was_none ? kNaN : known->prior, value, std, moves});
+  };
+  for (std::size_t k = 0; k < best.layout.linear.size(); ++k)
+    add(best.layout.linear[k], best.fit.x[static_cast<long>(k)], static_cast<long>(k));
+  for (std::size_t k = 0; k < best.layout.shape.size(); ++k)
+    add(best.layout.shape[k], best.fit.shape[static_cast<long>(k)],
+        best.fit.x.size() + static_cast<long>(k));
+}
+
 /// Held-out positions, of both models, over their joints' noise.
 void note_joints(MotionCase& c, const Model& model, const MotionSearchData& of) {
   Finding& f = c.finding;
@@ -233,6 +273,7 @@ LimbDiagnosis::LimbDiagnosis(LimbRobot robot, const IdentifyResult& base, FitCho
       train_(robot_.recordings(train)),
       test_(test ? robot_.recordings(*test) : nullptr),
       of_{*train_, test_.get(), std::move(choice), motion, {}, 0.0},
+      described_(base),
       case_(options, finding_) {
   finding_.interrupted = base.summary.interrupted;
   std::vector<std::string> said_already;
@@ -245,12 +286,20 @@ void LimbDiagnosis::search() {
   MotionCase& c = case_;
   std::vector<Candidate> candidates = candidates_beside(robot_.model(), asked_, of_.train.sample(),
                                                         of_.data.noise.position, finding_);
-  for (const Candidate& one : candidates)
+  std::vector<EffectSpec> by_steps;
+  for (const Candidate& one : candidates) {
     c.candidates.push_back({one.effect.info().name, one.effect.where, {}});
+    if (is_scored_by_steps(one.effect)) by_steps.push_back(c.candidates.back());
+  }
   c.search = std::make_unique<MotionSearch>(
       robot_.model(), of_, std::move(candidates),
       [&c](const std::string& stage, int more) { return c.tell(stage, more); });
   c.base = c.best = c.search->solve({}, nullptr);
+  if (by_steps.size() < c.candidates.size() && c.go_on() && c.search->is_at_noise(c.base))
+    for (const EffectSpec& e : by_steps) {
+      windows::refuse(c, e, "not tried: no more than noise is left for it", 0.0);
+      c.candidates = without_effect(c.candidates, e);
+    }
   if (c.go_on()) c.first_scores = c.search->scores(c.base, c.candidates);
   const std::size_t joints = joint_names(robot_.model()).size(),
                     most = c.options.max_causes > 0 ? static_cast<std::size_t>(c.options.max_causes)
@@ -292,6 +341,8 @@ void LimbDiagnosis::describe() {
   describe_candidates(case_);
   describe_causes(case_);
   note_parameters(case_.best, finding_);
+  note_refuted(case_.best, described_, of_.data.noise.period.minCoeff(), samples(),
+               case_.search->correlation(case_.best), finding_);
   note_joints(case_, robot_.model(), of_);
 }
 

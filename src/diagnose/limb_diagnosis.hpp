@@ -17,7 +17,7 @@ std::vector<bool> led_joints(const Model& model);
 class LimbDiagnosis {
  public:
   /// @param robot    of the fitted base
-  /// @param base     its fit, of the whole robot
+  /// @param base     its fit, of the whole robot; outlives it
   /// @param choice   of the limb's parameters
   /// @param asked    effects that are tried, "name@where"; none: all of the catalogue
   /// @param options  outlive it
@@ -55,6 +55,7 @@ class LimbDiagnosis {
   std::unique_ptr<RecordingSource> train_, test_;
   MotionSearchData of_;
   Finding finding_;
+  const IdentifyResult& described_;
   WindowCase<MotionSearch> case_;
 };
 

@@ -13,6 +13,7 @@
 #include "diagnose/limb_diagnosis.hpp"
 #include "diagnose/simulated.hpp"
 #include "diagnose/thresholds.hpp"
+#include "identify/drive_bounds.hpp"
 #include "identify/drives.hpp"
 #include "identify/passes.hpp"
 
@@ -55,6 +56,11 @@ Limbs diagnoses(const IdentifyResult& base, const IdentifyOptions& fit, const Mo
   choice.simulated = true;
   std::vector<std::string> said_already;
   const FitLayout layout = layout_for(base.model, train, test, choice, said_already);
+  for (const FitParameter& s : layout.shape) {  // bounds that no run came to
+    const auto known = std::ranges::find(base.parameters, s.name, &ParameterEstimate::name);
+    if (is_bound_of_drive(layout, s) && known != base.parameters.end() && known->fixed)
+      choice.fix.push_back(s.name);
+  }
   const std::vector<BoundEffect> asked = asked_effects(base.model, options);
   std::vector<LimbRobot> robots = limb_robots(base.model, layout, data, asked);
   MotionOptions motion = fit.motion;
@@ -84,6 +90,20 @@ void keep_most(const Limbs& limbs, int most) {
     (*std::ranges::min_element(limbs, {}, least))->drop_least();
 }
 
+/// Held-out errors of the model as it came, of joints whose drives it has.
+void note_described(const Model& model, const IdentifyResult& base, Finding& f) {
+  const auto has_drive = [&](const std::string& joint) {
+    const auto link = std::ranges::find(model.links, joint, &ModelLink::joint);
+    return link->servo || std::ranges::any_of(model.effects, [&](const EffectSpec& e) {
+             return e.where == joint && find_effect(e.effect).has(Trait::kReadsCommand);
+           });
+  };
+  for (JointGain& g : f.joints)
+    for (const JointError& e : base.errors)
+      if (e.joint == g.joint && has_drive(g.joint))
+        g.described = std::isnan(e.nominal_test) ? e.nominal_train : e.nominal_test;
+}
+
 /// Joins what the limbs lack to what the robot lacks.
 void join(const Limbs& limbs, const DiagnoseOptions& options, Finding& f) {
   HeldOutBlocks held_out;
@@ -96,6 +116,7 @@ void join(const Limbs& limbs, const DiagnoseOptions& options, Finding& f) {
     append(part.refused, f.refused);
     append(part.parameters, f.parameters);
     append(part.joints, f.joints);
+    append(part.drives, f.drives);
     f.lack_of_fit_p =
         std::min(f.lack_of_fit_p, static_cast<double>(limbs.size()) * part.lack_of_fit_p);
     f.interrupted = f.interrupted || part.interrupted;
@@ -113,6 +134,7 @@ void join(const Limbs& limbs, const DiagnoseOptions& options, Finding& f) {
   for (Cause& cause : f.causes) cause.share = lm > 0.0 ? cause.lm / lm : 0.0;
   std::ranges::stable_sort(f.causes, std::ranges::greater{}, &Cause::delta_bic);
   std::ranges::stable_sort(f.candidates, std::ranges::greater{}, &CandidateScore::delta_bic);
+  std::ranges::stable_sort(f.drives, std::ranges::greater{}, &RefutedNumber::moves);
 }
 
 void judge(Finding& f) {
@@ -188,6 +210,7 @@ Finding diagnose_drives(const Model& model, const RecordingSource& train,
   keep_most(limbs, options.max_causes);
   parallel_for(limbs.size(), threads, [&](std::size_t k, std::size_t) { limbs[k]->describe(); });
   join(limbs, options, finding);
+  note_described(model, base, finding);
   judge(finding);
   simulate(limbs, data, options, finding);
   finding.tried = std::ranges::all_of(limbs, [](const auto& limb) { return limb->tries_nothing(); })

@@ -9,6 +9,7 @@
 #include "diagnose/gear_offers.hpp"
 #include "diagnose/motion_search.hpp"
 #include "diagnose/signed_fit.hpp"
+#include "diagnose/window_selection.hpp"
 #include "identify/gears.hpp"
 #include "identify/passes.hpp"
 
@@ -31,6 +32,10 @@ std::vector<EffectSpec> offers_of_law(BoundEffect effect) {
 }
 
 }  // namespace
+
+bool is_scored_by_steps(const BoundEffect& effect) {
+  return hides_motor(effect) || effect.info().has(Trait::kOfServo);
+}
 
 struct MotionSearch::Variant {
   std::size_t score;        ///< index among the scores
@@ -64,16 +69,13 @@ std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
   // Beside effects that read accelerations a simulation takes other steps.
   std::vector<std::vector<Variant>> explicit_passes, implicit_passes;
   const double together = correlation(at);
-  std::optional<MotionSolution> brief;
+  std::vector<const BoundEffect*> by_steps;
   for (const Candidate& c : candidates_) {
     const EffectSpec spec{c.effect.info().name, c.effect.where, {}};
     if (holds_effect(at.terms, spec) || !holds_effect(candidates, spec)) continue;
     if (clashes(at.model, c.effect)) continue;
-    if (hides_motor(c.effect) || c.effect.info().has(Trait::kOfServo)) {
-      if (progress_ && !progress_("testing", 0)) return {};
-      if (!brief) brief = stepped(at, at.terms, brief_, kBrief);
-      if (std::optional<WindowScore> of = score_by_steps(at, *brief, c.effect, together))
-        out.push_back(std::move(*of));
+    if (is_scored_by_steps(c.effect)) {
+      by_steps.push_back(&c.effect);
       continue;
     }
     out.push_back({.effect = spec, .delta_bic = -kInfinity, .promise = -kInfinity});
@@ -91,12 +93,27 @@ std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
       if (progress_ && !progress_("testing", 0)) return {};
       score(at, pass, together, out);
     }
-  std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::promise);
+  const auto sort = [&] {
+    std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::promise);
+  };
+  sort();
+  std::optional<MotionSolution> brief;
+  for (const BoundEffect* effect : by_steps) {
+    if (progress_ && !progress_("testing", 0)) return {};
+    if (!brief) brief = stepped(at, at.terms, brief_, kBrief);
+    // The last of those that are refitted; what stays behind it need not be known better.
+    const double to_beat =
+        std::ssize(out) < windows::kRefitted ? kInfinity : at.cost - out[windows::kRefitted - 1].lm;
+    if (std::optional<WindowScore> of = score_by_steps(at, *brief, *effect, together, to_beat))
+      out.push_back(std::move(*of));
+    sort();
+  }
   return out;
 }
 
 MotionSolution MotionSearch::stepped(MotionSolution from, const std::vector<EffectSpec>& terms,
-                                     const std::vector<MotionWindow>& windows, int steps) const {
+                                     const std::vector<MotionWindow>& windows, int steps,
+                                     double to_beat, const BoundEffect* of) const {
   MotionSolution out = std::move(from);
   const FitLayout before = std::move(out.layout);
   for (const EffectSpec& t : terms)
@@ -107,15 +124,21 @@ MotionSolution MotionSearch::stepped(MotionSolution from, const std::vector<Effe
     const auto known = std::ranges::find(before.linear, p.name, &FitParameter::name);
     if (known != before.linear.end()) p.fixed = known->fixed;
   }
+  for (auto* list : {&out.layout.linear, &out.layout.shape})
+    for (FitParameter& p : *list)
+      if (of && p.effect >= 0)
+        p.fixed =
+            p.fixed || out.layout.effects[static_cast<std::size_t>(p.effect)].joints != of->joints;
   VecX<double> shape(static_cast<long>(out.layout.shape.size()));
   for (std::size_t s = 0; s < out.layout.shape.size(); ++s)
     shape[static_cast<long>(s)] = out.layout.shape[s].prior;
-  MotionProblem of = problem(out.model, out.layout);
-  of.scale = VecX<double>::Ones(static_cast<long>(out.layout.linear.size()));
+  MotionProblem all = problem(out.model, out.layout);
+  all.scale = VecX<double>::Ones(static_cast<long>(out.layout.linear.size()));
   MotionOptions few = data_.options;
   few.max_iterations = steps;
-  MotionFitter fitter(of, few, out.layout.prior(), shape);
-  fitter.fit(out.windows, data_.options.tolerance);
+  MotionFitter fitter(all, few, out.layout.prior(), shape,
+                      [&](int, double) { return !progress_ || progress_("testing", 0); });
+  fitter.fit(out.windows, data_.options.tolerance, 0.5 * to_beat);
   out.fit = fitter.now();
   out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
   out.model = apply_fit(out.model, out.layout, out.fit.x, out.fit.shape);
@@ -125,9 +148,9 @@ MotionSolution MotionSearch::stepped(MotionSolution from, const std::vector<Effe
 std::optional<WindowScore> MotionSearch::score_by_steps(const MotionSolution& at,
                                                         const MotionSolution& brief,
                                                         const BoundEffect& effect,
-                                                        double correlation) {
-  constexpr int kFirst = 2;  // steps in brief windows, by which sizes compete
-  constexpr int kSteps = 4;  // steps that lead away from where the base has bent to
+                                                        double correlation, double to_beat) {
+  constexpr int kFirst = 2;           // steps in brief windows, by which sizes compete
+  constexpr int kSteps = 4;           // steps that lead away from where the base has bent to
   std::vector<MotionSolution> begun;  // the best of each side
   const std::vector<std::vector<EffectSpec>> offers =
       hides_motor(effect)
@@ -136,7 +159,8 @@ std::optional<WindowScore> MotionSearch::score_by_steps(const MotionSolution& at
   for (const std::vector<EffectSpec>& side : offers) {
     std::optional<MotionSolution> first;
     for (const EffectSpec& spec : side)
-      if (MotionSolution s = stepped(brief, with_effect(at.terms, spec), brief.windows, kFirst);
+      if (MotionSolution s = stepped(brief, with_effect(at.terms, spec), brief.windows, kFirst,
+                                     first ? first->cost : kInfinity, &effect);
           !first || s.cost < first->cost)
         first = std::move(s);
     if (first) begun.push_back(std::move(*first));
@@ -144,8 +168,9 @@ std::optional<WindowScore> MotionSearch::score_by_steps(const MotionSolution& at
   const EffectSpec spec{effect.info().name, effect.where, {}};
   const MotionSolution* best = nullptr;
   for (MotionSolution& s : begun) {
+    s.layout = at.layout;
     if (s.cost < kInfinity)
-      s = stepped(std::move(s), with_effect(at.terms, spec), at.windows, kSteps);
+      s = stepped(std::move(s), with_effect(at.terms, spec), at.windows, kSteps, to_beat);
     if (s.cost < kInfinity && (!best || s.cost < best->cost)) best = &s;
   }
   if (!best) return {};

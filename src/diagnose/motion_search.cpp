@@ -112,8 +112,6 @@ FitLayout MotionSearch::layout_of(const Model& model, const std::vector<EffectSp
   hold_without_commands(data_.data.train, joint_names(model), out, unsaid);
   hold_motionless(still_joints(data_.data.train, data_.data.noise), joint_names(model), "", out,
                   unsaid);
-  for (FitParameter& s : out.shape)  // the base has no such bound
-    s.fixed = s.fixed || (is_bound_of_drive(out, s) && s.prior == no_bound(out, s));
   // A term's shapes move with it: those that have starts of their own.
   for (const EffectSpec& t : terms) {
     const int e = index_of(out, t);
@@ -215,9 +213,8 @@ MotionSolution MotionSearch::solved(MotionSolution from, const std::vector<Effec
   std::vector<std::string> unsaid;
   const double first = horizons(data_.data.train, data_.data.noise, data_.options).front();
   MotionProblem of = problem(model, out.layout);
-  const std::vector<JointFactor> factors =
-      hold_absorbed(model, data_.data.train, cut_windows(data_.data.train, first), out.layout,
-                    unsaid);
+  const std::vector<JointFactor> factors = hold_absorbed(
+      model, data_.data.train, cut_windows(data_.data.train, first), out.layout, unsaid);
   of.scale = parameter_scales(out.layout, factors);
   VecX<double> x = consistent_start(out.layout, of.scale),
                shape(static_cast<long>(out.layout.shape.size()));
@@ -225,9 +222,8 @@ MotionSolution MotionSearch::solved(MotionSolution from, const std::vector<Effec
     if (out.layout.linear[k].fixed) x[static_cast<long>(k)] = out.layout.linear[k].prior;
   for (std::size_t s = 0; s < out.layout.shape.size(); ++s)
     shape[static_cast<long>(s)] = out.layout.shape[s].prior;
-  MotionFitter fitter(of, data_.options, x, shape, [&](int, double) {
-    return !progress_ || progress_("simulating", 1);
-  });
+  MotionFitter fitter(of, data_.options, x, shape,
+                      [&](int, double) { return !progress_ || progress_("simulating", 1); });
   fitter.fit(out.windows, data_.options.tolerance, 0.5 * to_beat);
   fitter.set_covariance(out.windows);
   out.fit = fitter.now();
@@ -288,7 +284,11 @@ std::vector<RowMatX<double>> MotionSearch::errors(const MotionSolution& at,
                                                   const std::vector<MotionStretch>& stretches,
                                                   std::vector<MotionWindow> windows,
                                                   bool fit_states) const {
-  MotionProblem of{at.model,       at.layout,  stretches, data_.data.runs, data_.data.noise.position,
+  MotionProblem of{at.model,
+                   at.layout,
+                   stretches,
+                   data_.data.runs,
+                   data_.data.noise.position,
                    VecX<double>::Ones(static_cast<long>(at.layout.linear.size()))};
   const MotionFitter fitter(of, data_.options, at.fit.x, at.fit.shape);
   if (fit_states) fitter.fit_states(windows, data_.options.tolerance);
@@ -346,9 +346,7 @@ HeldOutChange MotionSearch::held_out(const MotionSolution& a, const MotionSoluti
 double MotionSearch::share_of_motion(double lm) const {
   const VecX<double> size = motion_size(data_.data.train).cwiseQuotient(data_.data.noise.position);
   const double motion = size.norm() / std::sqrt(static_cast<double>(size.size()));
-  return motion > 0.0
-             ? std::sqrt(std::max(0.0, lm) / samples()) / motion
-             : 0.0;
+  return motion > 0.0 ? std::sqrt(std::max(0.0, lm) / samples()) / motion : 0.0;
 }
 
 }  // namespace diffnea

@@ -18,9 +18,9 @@ namespace diffnea {
 /// The model of the robot with some effects beyond the base, fitted.
 struct MotionSolution {
   std::vector<EffectSpec> terms;
-  std::vector<std::string> held;  ///< patterns of parameters of terms, with their values
+  std::vector<std::string> held;    ///< patterns of parameters of terms, with their values
   double within_reach = kInfinity;  ///< cost that it might have come to, was it stopped for a rival
-  Model model;  ///< with the terms, fitted
+  Model model;                      ///< with the terms, fitted
   FitLayout layout;
   MotionFit fit;
   std::vector<MotionWindow> windows;  ///< with their states
@@ -39,6 +39,10 @@ int index_of(const FitLayout& layout, const EffectSpec& spec);
 
 /// Tells whether a shape has one of some values, within bounds: what a gear loses when it brakes.
 bool is_chosen(const ParameterInfo& p);
+
+/// Tells whether no torque is linear in an effect, a spring or gap in a gear or a part of a drive's
+/// law: it is scored by a few steps of a fit, which take long.
+bool is_scored_by_steps(const BoundEffect& effect);
 
 /// Data of a search, which outlive it.
 struct MotionSearchData {
@@ -132,12 +136,16 @@ class MotionSearch {
   MotionProblem problem(const Model& model, const FitLayout& layout) const;
   /// Gain of what no torque is linear in, a spring or gap in a gear or a part of a drive's law: at
   /// its offers, what a few steps of a fit reach. None: every simulation with it blows up.
-  /// @param brief  the same terms, fitted to brief_
+  /// @param brief    the same terms, fitted to brief_
+  /// @param to_beat  cost that it must come to: steps end where ten more would hardly do
   std::optional<WindowScore> score_by_steps(const MotionSolution& at, const MotionSolution& brief,
-                                            const BoundEffect& effect, double correlation);
+                                            const BoundEffect& effect, double correlation,
+                                            double to_beat);
   /// A few steps of a fit to windows. What was held stays so.
+  /// @param of  effect of the joints that move alone, all else as it is; null: all move
   MotionSolution stepped(MotionSolution from, const std::vector<EffectSpec>& terms,
-                         const std::vector<MotionWindow>& windows, int steps) const;
+                         const std::vector<MotionWindow>& windows, int steps,
+                         double to_beat = kInfinity, const BoundEffect* of = nullptr) const;
   void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,
              std::vector<WindowScore>& out) const;
   std::vector<RowMatX<double>> errors(const MotionSolution& at,
@@ -148,7 +156,7 @@ class MotionSearch {
   const MotionSearchData& data_;
   std::vector<Candidate> candidates_;
   std::function<bool(const std::string&, int)> progress_;
-  std::vector<MotionStretch> held_;                    ///< whole, or the blocks that are held out
+  std::vector<MotionStretch> held_;                   ///< whole, or the blocks that are held out
   std::vector<MotionWindow> windows_, held_windows_;  ///< with measured states
   /// Pieces of windows_, over before what flies free is astray; with measured states.
   std::vector<MotionWindow> brief_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <diffnea/core/text.hpp>
+
 #include "core/constants.hpp"
 #include "identify/drives.hpp"
 #include "identify/passes.hpp"
@@ -83,6 +85,17 @@ bool costs_less(const MotionFitter& at, const std::vector<MotionWindow>& windows
     cost += at.cost(some);
   }
   return cost < most;
+}
+
+/// Parameter of an effect of a model by its name; null: it has none.
+template <class List>
+auto* parameter_of(List& effects, const BoundEffect& of, const char* name) {
+  using Found = decltype(effects.front().parameters.data());
+  for (auto& e : effects)
+    if (e.effect == of.info().name && e.where == of.where)
+      for (auto& p : e.parameters)
+        if (p.name == name) return Found{&p};
+  return Found{nullptr};
 }
 
 }  // namespace
@@ -194,6 +207,53 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
   std::vector<std::string> names;
   for (const std::size_t k : bounds) names.push_back(climb.layout().shape[k].name);
   return names;
+}
+
+void keep_described_torques(const Model& described, const MotionData& data,
+                            const MotionOptions& options, const MotionClimb& climb,
+                            IdentifyResult& fitted) {
+  const FitLayout& layout = climb.layout();
+  const MotionFit& fit = climb.fitter().now();
+  std::vector<std::string> kept, refuted;
+  for (std::size_t k = 0; k < layout.shape.size(); ++k) {
+    const FitParameter& reach = layout.shape[k];
+    if (!is_bound_of_drive(layout, reach) || !reach.name.ends_with(".reach") ||
+        fit.shape[static_cast<long>(k)] < kNoBound)
+      continue;
+    const BoundEffect& drive = layout.effects[static_cast<std::size_t>(reach.effect)];
+    const auto gain = std::ranges::find_if(layout.linear, [&](const FitParameter& p) {
+      return p.effect == reach.effect && p.name.ends_with(".stiffness");
+    });
+    const EffectParameter *told_gain = parameter_of(described.effects, drive, "stiffness"),
+                          *told_reach = parameter_of(described.effects, drive, "reach");
+    EffectParameter* now = parameter_of(fitted.model.effects, drive, "reach");
+    if (gain == layout.linear.end() || !told_gain || !told_reach || !now ||
+        !(told_reach->value < kNoBound))
+      continue;
+    const double bound = told_gain->value * told_reach->value / fit.x[gain - layout.linear.begin()];
+    if (!(bound > 0.0) || !(bound < kNoBound)) continue;
+    VecX<double> shape = fit.shape;
+    shape[static_cast<long>(k)] = bound;
+    const MotionProblem problem{
+        described, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
+    if (!does_as_well(MotionFitter(problem, options, fit.x, shape), climb, 0.0)) {
+      refuted.push_back(drive.where);
+      continue;
+    }
+    kept.push_back(drive.where);
+    now->value = bound;
+    for (ParameterEstimate& p : fitted.parameters)
+      if (p.name == reach.name) p.value = p.prior = bound;
+  }
+  if (!kept.empty())
+    fitted.notes.push_back(
+        "the largest torque of the description stays where no run tells of it: " +
+        detail::join(kept));
+  if (!refuted.empty())
+    fitted.notes.push_back(
+        "the largest torque of the description is left out where runs are simulated better "
+        "without it: " +
+        detail::join(refuted));
 }
 
 }  // namespace diffnea

@@ -3,6 +3,8 @@
 /// is found only from where it acts; one that it does not reach is a corner at which every step of
 /// a fit stumbles, and would hold back motion that was not seen. Internal to identify/.
 
+#include <diffnea/identify/identify.hpp>
+
 #include "identify/motion_climb.hpp"
 
 namespace diffnea {
@@ -54,5 +56,13 @@ void hold_bounds_off(FitLayout& layout, VecX<double>& shape);
 /// @return their names
 std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
                                         const MotionOptions& options, bool all, MotionClimb& climb);
+
+/// Gives drives whose reach no run tells the largest torque of the description, unless windows
+/// speak against it beyond doubt: it is held. A note names both kinds.
+/// @param described  the model before the fit
+/// @param fitted     written: model, parameters and notes
+void keep_described_torques(const Model& described, const MotionData& data,
+                            const MotionOptions& options, const MotionClimb& climb,
+                            IdentifyResult& fitted);
 
 }  // namespace diffnea

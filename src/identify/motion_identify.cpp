@@ -11,6 +11,7 @@
 #include "core/constants.hpp"
 #include "core/decompositions.hpp"
 #include "core/statistics.hpp"
+#include "identify/drive_bounds.hpp"
 #include "identify/drive_notes.hpp"
 #include "identify/drives.hpp"
 #include "identify/gears.hpp"
@@ -125,8 +126,10 @@ class MotionIdentification {
   void describe_noise() {
     PreprocessPlan& plan = result_.plan;
     plan.dt = data_.noise.period.minCoeff();
-    plan.q_noise.assign(data_.noise.position.data(), data_.noise.position.data() + data_.noise.position.size());
-    plan.tau_noise.assign(data_.noise.torque.data(), data_.noise.torque.data() + data_.noise.torque.size());
+    plan.q_noise.assign(data_.noise.position.data(),
+                        data_.noise.position.data() + data_.noise.position.size());
+    plan.tau_noise.assign(data_.noise.torque.data(),
+                          data_.noise.torque.data() + data_.noise.torque.size());
     const std::vector<std::string> names = joint_names(model_);
     for (std::size_t j = 0; j < names.size(); ++j) {
       if (data_.noise.refresh[j] > 1)
@@ -304,6 +307,8 @@ class MotionIdentification {
                   result_.notes);
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
+    if (!fit.interrupted)
+      keep_described_torques(model_, data_, options_.motion, *climb_, result_);
     for (const EffectSpec& e : result_.model.effects)  // rotors, as set_rotors() has them
       for (const EffectParameter& rotor : e.parameters)
         for (ParameterEstimate& of : result_.parameters)
@@ -331,11 +336,11 @@ class MotionIdentification {
       Workers workers = climb_->fitter().workers();
       raw = window_errors(workers, data_.test, measured, limit_).rmse();
       if (!test_fitted_.errors.apart.empty())
-        result_.notes.push_back(
-            kWarning + ("the simulation of held-out data " +
-                        apart_words(test_fitted_, data_.test, climb_->reached(),
-                                    static_cast<int>(train_.runs().size()))) +
-            "; the held-out errors above say no more than that");
+        result_.notes.push_back(kWarning +
+                                ("the simulation of held-out data " +
+                                 apart_words(test_fitted_, data_.test, climb_->reached(),
+                                             static_cast<int>(train_.runs().size()))) +
+                                "; the held-out errors above say no more than that");
       const long blown = test_fitted_.errors.blown_up();
       if (blown > 0)
         result_.notes.push_back(
@@ -375,13 +380,15 @@ class MotionIdentification {
     if (test_) s.test_horizon = longest(data_.test, test_fitted_.windows);
     result_.notes.push_back(
         std::to_string(fitted.windows.size()) +
-        (fitted.windows.size() == 1 ? " window of " : " windows of ") + format_number(climb_->reached()) +
+        (fitted.windows.size() == 1 ? " window of " : " windows of ") +
+        format_number(climb_->reached()) +
         " s; errors are of positions, each window from its own estimated initial state (test_raw: "
         "from the measured one)");
     if (!fitted.errors.apart.empty() && climb_->whole())
       result_.notes.push_back(
           std::to_string(fitted.errors.apart.size()) + " of " +
-          std::to_string(fitted.windows.size()) + " windows of " + format_number(climb_->reached()) +
+          std::to_string(fitted.windows.size()) + " windows of " +
+          format_number(climb_->reached()) +
           " s fall apart: there the error is more than half of a joint's motion about its mean");
     if (std::string text =
             unlike_the_others(fitted.errors, data_.train, fitted.windows, joint_names(model_));
@@ -458,7 +465,7 @@ class MotionIdentification {
   double first_ = 0.0;        ///< shortest horizon [s]
   double longest_ = 0.0;      ///< whole runs, or as long as asked for [s]
   bool closed_loop_ = false;  ///< drives of the model lead all joints
-  VecX<double> limit_;  ///< (n) error beyond which a window is apart
+  VecX<double> limit_;        ///< (n) error beyond which a window is apart
   std::function<bool(int, double)> progress_;
   MotionBeginning from_;
   std::optional<MotionClimb> climb_;

@@ -52,8 +52,7 @@ std::vector<ServoActuator> take_servos(Model& model, bool delays, std::vector<st
         notes.push_back(std::string(name) + " of the position servo at " + e.where + " = " +
                         exact(value_of(e, name)));
     const std::string unit = link->type == ModelJoint::kPrismatic ? "N*s/m" : "N*m*s/rad";
-    rest.push_back(
-        {"viscous_friction", e.where, {{"viscous", value_of(e, "damping"), unit}}});
+    rest.push_back({"viscous_friction", e.where, {{"viscous", value_of(e, "damping"), unit}}});
   }
   model.effects = std::move(rest);
   for (ServoActuator& servo : out) {  // an offset is what the drive gives beyond its motion's need
@@ -141,9 +140,30 @@ void add_servo(XmlElement& section, const ServoActuator& servo) {
   actuator.SetAttribute("forcerange", force_range(servo).c_str());
 }
 
+/// Lets dry friction of a servo's joint hold, as in the fit, unless the file says how it does. By
+/// MuJoCo's default a joint slides for 10 ms of its deceleration before friction is all there.
+void write_held_friction(XmlElement& root, const std::vector<ServoActuator>& servos) {
+  // Two steps of 1 ms; of longer ones MuJoCo takes two itself.
+  constexpr const char *kName = "solreffriction", *kHeld = "0.002 1";
+  bool in_class = false;
+  std::vector<XmlElement*> joints;
+  walk(root, [&](XmlElement& e) {
+    if (!is(e, "joint")) return;
+    const char* name = e.Attribute("name");
+    in_class = in_class || (!name && e.Attribute(kName));
+    const XmlElement* in = e.Parent()->ToElement();
+    if (name && in && (is(*in, "body") || is(*in, "frame")) &&
+        std::ranges::find(servos, name, &ServoActuator::joint) != servos.end())
+      joints.push_back(&e);
+  });
+  for (XmlElement* joint : joints)
+    if (!in_class && !joint->Attribute(kName)) joint->SetAttribute(kName, kHeld);
+}
+
 }  // namespace
 
 void write_servos(XmlElement& root, const std::vector<ServoActuator>& servos) {
+  write_held_friction(root, servos);
   for (const ServoActuator& servo : servos) {
     XmlElement* found = nullptr;
     for_each_child(root, "actuator", [&](XmlElement& section) {

@@ -219,7 +219,8 @@ std::string mjcf_with_values(const Mjcf& mjcf, const Model& with_servos, bool de
                   degrees, state_springs, notes);
       if (now.passive != then.passive)
         notes.push_back("whether joint '" + now.joint + "' is passive");
-      if (now.limits.effort != then.limits.effort)
+      if (now.limits.effort != then.limits.effort &&  // a servo has its own
+          std::ranges::find(servos, now.joint, &ServoActuator::joint) == servos.end())
         notes.push_back("the effort limit of '" + now.joint + "'");
       if (now.limits.velocity != then.limits.velocity)
         notes.push_back("the velocity limit of '" + now.joint + "'");

@@ -8,6 +8,7 @@
 #include "report/ball_section.hpp"
 #include "report/diagnose_sections.hpp"
 #include "report/diagnose_words.hpp"
+#include "report/drive_words.hpp"
 #include "report/follows_words.hpp"
 #include "report/format.hpp"
 #include "report/html.hpp"
@@ -68,8 +69,8 @@ std::string causes_at_once(const Finding& f) {
       size += (size.empty() ? "" : ", ") + plain(p.name) + " " + value_and_interval(p) +
               (p.unit == "1" ? "" : " " + unit(p.unit));
     }
-    rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", escape(size),
-                    removes(c), number(c.delta_bic, 3), escape(rival_list(c.members, c.where, 2))});
+    rows.push_back({"<b>" + escape(at(c.effect, c.where)) + "</b>", escape(size), removes(c),
+                    number(c.delta_bic, 3), escape(rival_list(c.members, c.where, 2))});
   }
   const bool named =
       std::ranges::all_of(f.causes, [](const Cause& c) { return c.members.empty(); });
@@ -294,6 +295,16 @@ std::string parameters(const Finding& f) {
                  "faint");
 }
 
+std::string drives(const Finding& f) {
+  if (f.drives.empty()) return "";
+  std::vector<std::vector<std::string>> rows = drive_rows(f);
+  for (std::vector<std::string>& row : rows)
+    for (std::string& cell : row) cell = escape(cell);
+  return element("h2", "Drives that differ from the description") +
+         html_table({"joint", "number", "described", "fitted, ± one standard error", "unit"}, rows,
+                    {"", "", "n", "n", ""});
+}
+
 // --- data
 
 std::string data(const Finding& f) {
@@ -341,7 +352,7 @@ std::string diagnose_page(const DiagnoseRun& run) {
   const std::string body = head(f, name) + (of_ball ? ball : "") + follows_section(f) +
                            over_time(f) + (of_ball ? "" : ball) + evidence(f) +
                            grey_box_section(f) + candidates(f) + left_open(f) + gain_section(f) +
-                           parameters(f) + data(f) + reproduce(run.reproduce);
+                           parameters(f) + drives(f) + data(f) + reproduce(run.reproduce);
   return document("Diagnosis of " + name, body, page_data(run));
 }
 

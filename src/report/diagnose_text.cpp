@@ -5,6 +5,7 @@
 
 #include "report/ball_section.hpp"
 #include "report/diagnose_words.hpp"
+#include "report/drive_words.hpp"
 #include "report/follows_words.hpp"
 #include "report/format.hpp"
 #include "report/sentence.hpp"
@@ -30,8 +31,8 @@ std::string causes_text(const Finding& f) {
   if (f.causes.empty()) return "";
   std::vector<std::vector<std::string>> rows, values;
   for (const Cause& c : f.causes) {
-    rows.push_back({at(c.effect, c.where), number(c.delta_bic, 3),
-                    removes(c), percent(c.visible_share), listed(c.members, c.where)});
+    rows.push_back({at(c.effect, c.where), number(c.delta_bic, 3), removes(c),
+                    percent(c.visible_share), listed(c.members, c.where)});
     std::size_t shown = 0;
     for (const CauseParameter& parameter : c.parameters) {
       const CauseParameter p = as_read(c.effect, parameter);
@@ -56,15 +57,23 @@ std::string joints_text(const Finding& f) {
     const double scale = position ? 1e3 : 1.0;
     torque = torque || !position;
     rows.push_back({j.joint, position ? "m" + j.unit : unit(j.unit),
-                    is_ball(j) ? "" : number(scale * j.torque_rms, 3),
-                    number(scale * j.base, 3), number(scale * j.extended, 3),
-                    number(scale * j.noise_floor, 3)});
+                    is_ball(j) ? "" : number(scale * j.torque_rms, 3), number(scale * j.base, 3),
+                    number(scale * j.extended, 3), number(scale * j.noise_floor, 3)});
   }
   return error_of(f) + " on held-out data (" + f.held_out + ")" +
          (torque ? ", filtered and decimated\n" : "\n") +
-         table({"", "<", torque ? "torque" : follows_commands(f) ? "motion" : "", "base model",
-                "extended", "noise"},
+         table({"", "<",
+                torque                ? "torque"
+                : follows_commands(f) ? "motion"
+                                      : "",
+                "base model", "extended", "noise"},
                rows);
+}
+
+std::string drives_text(const Finding& f) {
+  if (f.drives.empty()) return "";
+  return "\nnumbers of the description that the recordings refute, ± one standard error\n" +
+         table({"", "<", "described", "fitted", "<"}, drive_rows(f));
 }
 
 std::string ball_text(const Finding& f) {
@@ -123,7 +132,7 @@ std::string diagnose_text(const DiagnoseRun& run) {
   const std::string follows = follows_sentence(f), apart = apart_sentence(f);
   return (follows.empty() ? "" : follows + "\n\n") + plain(name_of(f.verdict)) + ": " +
          unit(verdict_sentence(f)) + "\n\n" + faults_text(f) + causes_text(f) + joints_text(f) +
-         (apart.empty() ? "" : "\n" + apart + "\n") + ball_text(f) + rest_text(f);
+         drives_text(f) + (apart.empty() ? "" : "\n" + apart + "\n") + ball_text(f) + rest_text(f);
 }
 
 }  // namespace diffnea

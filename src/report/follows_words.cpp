@@ -58,7 +58,10 @@ std::string errors(const Finding& f, double JointGain::* of) {
 /// A loop holds every simulation together: what counts is how far it is off.
 std::string off_sentence(const Finding& f, const std::string& with) {
   const std::string over = in_seconds(f.simulated.horizons.back().horizon);
-  std::string out = "Over " + over + " your simulation is off by " + errors(f, &JointGain::base);
+  std::string out = "Over " + over + " your simulation is off by ";
+  if (!f.drives.empty() && std::isfinite(f.joints.front().described))
+    out += errors(f, &JointGain::described) + "; with its drives fitted to the log, by ";
+  out += errors(f, &JointGain::base);
   if (!f.causes.empty()) out += "; " + with + ", by " + errors(f, &JointGain::extended);
   return out + " (root mean square, held out).";
 }

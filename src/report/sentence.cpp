@@ -7,6 +7,7 @@
 #include <map>
 
 #include "report/diagnose_words.hpp"
+#include "report/drive_words.hpp"
 #include "report/follows_words.hpp"
 #include "report/format.hpp"
 
@@ -327,8 +328,9 @@ std::string witness_clause(const Witness& w) {
 }
 
 std::string sentence(const Finding& f) {
-  const std::string first = follows_sentence(f);
-  return (first.empty() ? "" : first + " ") + verdict_words(f);
+  const std::string first = follows_sentence(f), drives = drives_sentence(f);
+  return (first.empty() ? "" : first + " ") + (drives.empty() ? "" : drives + " ") +
+         verdict_words(f);
 }
 
 }  // namespace diffnea::report

@@ -114,6 +114,10 @@ bool says(const IdentifyResult& result, const std::string& words) {
       result.notes, [&](const std::string& note) { return note.find(words) != std::string::npos; });
 }
 
+double find_parameter(const EffectSpec& effect, const char* name) {
+  return std::ranges::find(effect.parameters, name, &EffectParameter::name)->value;
+}
+
 double value(const IdentifyResult& result, const std::string& end) {
   return test::estimate(result, end).value;
 }
@@ -304,6 +308,33 @@ TEST_CASE("identify: friction and gains that the description has are where a dri
         0.05 * bench.stiffness);
   CHECK(std::abs(value(result, "position_servo.damping") - bench.damping) < 0.05 * bench.damping);
   CHECK(result.errors[0].test < 1.5e-3);
+}
+
+TEST_CASE("identify: a largest torque of the description stays, unless runs refute it",
+          "[identify]") {
+  Bench bench;
+  bench.reach = 100.0;
+  bench.speed = 1e4;
+  Model model = bench.model();
+  model.links[1].servo = ServoGains{30.0, 0.0};
+  const auto fitted = [&](double torque) {
+    model.links[1].limits.effort = torque;
+    return identify(model, {bench.record(0.6, 1.5, 1.0, 6.0, 0)},
+                    {bench.record(0.5, 2.2, 1.0, 6.0, 0)}, {});
+  };
+  const auto largest = [](const IdentifyResult& of) {
+    for (const EffectSpec& e : of.model.effects)
+      if (e.effect == "position_servo")
+        return find_parameter(e, "stiffness") * find_parameter(e, "reach");
+    return 0.0;
+  };
+  const IdentifyResult unreached = fitted(40.0);
+  CHECK(std::abs(largest(unreached) - 40.0) < 1e-9);
+  CHECK(test::estimate(unreached, "reach").fixed);
+  CHECK(says(unreached, "the largest torque of the description stays where no run tells of it"));
+  const IdentifyResult beyond = fitted(2.0);
+  CHECK(value(beyond, "reach") == 1000.0);
+  CHECK(says(beyond, "is left out where runs are simulated better without it"));
 }
 
 TEST_CASE("identify: where links tell no scale, the description's gain sets it", "[identify]") {

@@ -133,4 +133,21 @@ TEST_CASE("servo: an actuator in place becomes the servo", "[io][mujoco]") {
   CHECK(simulated(folder.path() / "out.xml") == Approx(swung(reach)).epsilon(2e-3));
 }
 
+TEST_CASE("servo: dry friction holds in MuJoCo, unless the file says how it does", "[io][mujoco]") {
+  const std::string own = GENERATE("", " solreffriction='0.05 1'");
+  const TemporaryFolder folder;
+  std::string text = document("");
+  text.insert(text.find(" axis="), own);
+  write_file_atomically(folder.path() / "in.xml", text);
+  Model model = read_model(folder.path() / "in.xml");
+  model.effects = bench(kReach).effects;
+  model.effects.push_back({"coulomb_friction", "servo", {{"coulomb", 3.0, "N*m"}}});
+  write_model(model, folder.path() / "out.xml");
+  const sim::MujocoModel m(
+      mj_loadXML((folder.path() / "out.xml").string().c_str(), nullptr, nullptr, 0));
+  REQUIRE(m);
+  CHECK(m->dof_frictionloss[0] == 3.0);
+  CHECK(m->dof_solref[0] == (own.empty() ? 0.002 : 0.05));
+}
+
 }  // namespace mjcf_servo_test

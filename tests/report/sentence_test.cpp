@@ -49,6 +49,27 @@ TEST_CASE("sentence: nothing is not said to be left where one joint's error is f
   CHECK_THAT(sentence(finding), ContainsSubstring("Nothing is left to explain"));
 }
 
+TEST_CASE("sentence: drives that differ from the description are said before what else is lacked",
+          "[report]") {
+  Finding finding;
+  finding.verdict = Verdict::kNone;
+  finding.tried = Tried::kSome;
+  finding.joints = {{"pan", "rad", 0.3, 5e-4, 5e-4, 4e-4, 0.03},
+                    {"lift", "rad", 0.3, 6e-4, 6e-4, 4e-4, 0.02}};
+  finding.simulated.horizons.emplace_back().horizon = 12.0;
+  finding.simulated.joints.resize(2);
+  finding.simulated.base_follows = 12.0;
+  CHECK_THAT(sentence(finding), StartsWith("Over 12 s your simulation is off by 0.5 to 0.6 mrad"));
+  finding.drives = {{"pan.position_servo.dead_band", "rad", 0.0, 0.0175, 1e-4, 20.0},
+                    {"lift.position_servo.dead_band", "rad", 0.0, 0.0150, 1e-4, 18.0},
+                    {"lift.coulomb_friction.coulomb", "N*m", 0.0, 0.1, 1e-3, 9.0}};
+  CHECK(sentence(finding) ==
+        "Over 12 s your simulation is off by 20 to 30 mrad; with its drives fitted to the log, by "
+        "0.5 to 0.6 mrad (root mean square, held out). The drives differ from the description: "
+        "dead band at pan and lift and coulomb friction at lift. None of the effects that were "
+        "tried improves the model beyond its noise.");
+}
+
 TEST_CASE("sentence: causes of most of an error come before the one that is not known",
           "[report]") {
   Finding finding;

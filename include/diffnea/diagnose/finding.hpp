@@ -7,6 +7,7 @@
 
 #include <diffnea/core/fields.hpp>
 #include <diffnea/diagnose/cause.hpp>
+#include <diffnea/diagnose/described_drive.hpp>
 #include <diffnea/diagnose/evidence_plot.hpp>
 #include <diffnea/diagnose/held_out_torque.hpp>
 #include <diffnea/diagnose/next_experiment.hpp>
@@ -33,6 +34,7 @@ struct Finding {
   std::vector<CandidateScore> candidates;
   Gain gain;
   std::vector<JointGain> joints;
+  std::vector<RefutedNumber> drives;
   std::vector<ResidualSeries> series;
   std::vector<EvidencePlot> plots;
   SimulatedMotion simulated;
@@ -95,6 +97,11 @@ struct Finding {
                "A :class:`NextExperiment`, or None where none is known.");
     list.field("joints", &Finding::joints,
                "Held-out error of every joint, a list of :class:`JointGain`.");
+    list.field(
+        "drives", &Finding::drives,
+        "Where commands lead and no torque was recorded: numbers of the description's drives "
+        "that are refuted, those that move most first; a list of :class:`RefutedNumber`.",
+        {.optional = true});
     list.field("simulated", &Finding::simulated,
                "Held-out motion, simulated before and after: a :class:`SimulatedMotion`.",
                {.optional = true});

@@ -1,6 +1,7 @@
 #pragma once
 /// Held-out errors of each joint, in numbers and to draw.
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ struct JointGain {
   double base = 0.0;
   double extended = 0.0;
   double noise_floor = 0.0;
+  double described = std::numeric_limits<double>::quiet_NaN();
 
   template <class List>
   static constexpr void fields(List& list) {
@@ -25,14 +27,17 @@ struct JointGain {
               "commands "
               "lead it and no torque was recorded, of its position [rad] or [m].");
     list.field("joint", &JointGain::joint, "Its name, or ``ball``.");
-    list.field("unit", &JointGain::unit,
-               "Of all four: ``N*m``, ``N``; of positions ``rad``, ``m``.");
+    list.field("unit", &JointGain::unit, "Of all: ``N*m``, ``N``; of positions ``rad``, ``m``.");
     list.field("torque_rms", &JointGain::torque_rms,
                "Of the measured torque; of a position, about its mean.");
     list.field("base", &JointGain::base, "Of the base model, refitted as ``base`` allows.");
     list.field("extended", &JointGain::extended, "With all causes.");
     list.field("noise_floor", &JointGain::noise_floor,
                "Of the torque's or the encoder's noise; ``ball``: what nothing removes.");
+    list.field("described", &JointGain::described,
+               "Of the model as it came, its drives not fitted; null: they always are, or it has "
+               "none.",
+               {.optional = true});
   }
 };
 
