@@ -78,6 +78,7 @@ SensorNoise sensor_noise(const std::vector<Recording>& recordings,
   SensorNoise out;
   out.position = out.step = out.torque = out.density = out.period = VecX<double>::Zero(n);
   out.refresh = refresh_rows(recordings);
+  std::vector<bool> stays;
   for (int j = 0; j < n; ++j) {
     Channel position, torque;
     for (const Recording& r : recordings) {
@@ -124,7 +125,12 @@ SensorNoise sensor_noise(const std::vector<Recording>& recordings,
     out.position[j] = std::max({noise_of(position), out.step[j] / std::sqrt(12.0), kPositionFloor});
     out.torque[j] = noise_of(torque);
     out.density[j] = out.torque[j] * out.torque[j] * row;
+    stays.push_back(position.changes.empty());
   }
+  // One value alone tells no noise, and no model is to be exact about it.
+  const double largest = n > 0 ? out.position.maxCoeff() : 0.0;
+  for (int j = 0; j < n; ++j)
+    if (stays[static_cast<std::size_t>(j)]) out.position[j] = largest;
   return out;
 }
 

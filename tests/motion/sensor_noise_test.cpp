@@ -51,6 +51,20 @@ Recording recorded(const Signals& s) {
 
 }  // namespace
 
+TEST_CASE("sensor noise: a joint that never moves is as noisy as the others", "[motion]") {
+  const Recording swings = recorded({.noise = 3e-4});
+  Recording both = swings;
+  both.joint_names = {"hinge", "still"};
+  both.has_tau = {true, true};
+  both.q.resize(swings.rows(), 2);
+  both.q << swings.q, VecX<double>::Constant(swings.rows(), 0.2);
+  both.tau.resize(swings.rows(), 2);
+  both.tau << swings.tau, swings.tau;
+  const SensorNoise noise = sensor_noise({both}, {false, false});
+  CHECK(noise.position[0] == Approx(3e-4).epsilon(0.05));
+  CHECK(noise.position[1] == noise.position[0]);
+}
+
 TEST_CASE("sensor noise: white noise of positions and torques, at even and uneven times",
           "[motion]") {
   const double jitter = GENERATE(0.0, 0.6);
