@@ -33,9 +33,6 @@ constexpr double kAtBound = 1.05;
 /// Lateness of torques that is worth a word [samples].
 constexpr double kWorthASample = 0.2;
 
-/// Share of a joint's torque to which no column is exact, as an effect must give more to be named.
-constexpr double kInexact = 0.01;
-
 /// How often the rows are made about what was named.
 constexpr int kPassesBesideCauses = 2;
 

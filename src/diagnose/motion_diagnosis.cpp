@@ -139,7 +139,9 @@ void join(const Limbs& limbs, const DiagnoseOptions& options, Finding& f) {
 
 void judge(Finding& f) {
   const auto is_class = [](const Cause& x) { return x.verdict == Verdict::kClass; };
-  if (f.gain.after * f.gain.after > kUnseenNoise && f.gain.explained_share < kExplained)
+  const auto is_inexact = [](const JointGain& g) { return g.extended > kInexact * g.torque_rms; };
+  if (f.gain.after * f.gain.after > kUnseenNoise && f.gain.explained_share < kExplained &&
+      std::ranges::any_of(f.joints, is_inexact))
     f.verdict = Verdict::kUnknown;
   else if (f.causes.empty())
     f.verdict = f.candidates.empty() ? Verdict::kNotIdentifiable : Verdict::kNone;

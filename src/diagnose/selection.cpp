@@ -17,7 +17,8 @@ namespace {
 constexpr int kRefined = 5;  ///< candidates whose shapes are refined at each step
 /// Chance at which runs that differ no more than their blocks would still be called different.
 constexpr double kByChance = 0.005;
-constexpr const char* kInexact = "explains no more than what the model computes inexactly";
+constexpr const char* kNoMoreThanInexact =
+    "explains no more than what the model computes inexactly";
 
 }  // namespace
 
@@ -102,7 +103,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     with.push_back(offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
     if (gain < inexact_at(search_, offer.term, terms)) {
-      note_refusal(c, kInexact, offer.delta_bic);
+      note_refusal(c, kNoMoreThanInexact, offer.delta_bic);
       continue;
     }
     // The base was fitted to links that follow their motor: what does not bends its inertias as no

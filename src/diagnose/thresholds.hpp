@@ -13,6 +13,8 @@ inline constexpr double kNormal95 = 1.96;    ///< half of a 95 % interval [stand
 /// χ² over its degrees of freedom beyond which more than noise is left: 0.47 to 1.07 in 139
 /// recordings that hide nothing, where repeats tell the noise.
 inline constexpr double kLeft = 1.3;
+/// Share of a joint's torque, or of its motion, to which no model is exact.
+inline constexpr double kInexact = 0.01;
 /// Which windows are held out where there is no test recording: every fourth.
 inline constexpr std::size_t kHeldOutWindow = 4;
 /// Length of a block that is drawn as one [s]: errors hang together for as long as a motion takes.

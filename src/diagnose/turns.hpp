@@ -27,8 +27,8 @@ constexpr double kEarlier = 1e-3;
 /// A friction of the layout at the layout's values.
 BoundEffect friction_of(const FitLayout& layout, const FitParameter& smoothing);
 
-/// How the torque of `friction` changes if it turns earlier by kEarlier, and if it does so by another
-/// curve: ½ ∂²τ/∂(ln v₀)². Each (N, n) [N·m] or [N].
+/// How the torque of `friction` changes if it turns earlier by kEarlier, and if it does so by
+/// another curve: ½ ∂²τ/∂(ln v₀)². Each (N, n) [N·m] or [N].
 std::array<RowMatX<double>, kTurnColumns> turn_columns(const BoundEffect& friction, int smoothing,
                                                        const ExtendedTree& base,
                                                        const JointSeries& x);

@@ -307,8 +307,7 @@ class MotionIdentification {
                   result_.notes);
     result_.parameters =
         parameter_estimates(layout, fit.x, fit.shape, std, identifiable, at_bound, shape_std);
-    if (!fit.interrupted)
-      keep_described_torques(model_, data_, options_.motion, *climb_, result_);
+    if (!fit.interrupted) keep_described_torques(model_, data_, options_.motion, *climb_, result_);
     for (const EffectSpec& e : result_.model.effects)  // rotors, as set_rotors() has them
       for (const EffectParameter& rotor : e.parameters)
         for (ParameterEstimate& of : result_.parameters)

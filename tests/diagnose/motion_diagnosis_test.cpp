@@ -1,6 +1,9 @@
 /// Diagnoses of drives: numbers of the description that a log refutes, beside what is lacked.
 
+#include <cmath>
+
 #include <catch2/catch_test_macros.hpp>
+#include <catch2/generators/catch_generators.hpp>
 #include <catch2/matchers/catch_matchers_string.hpp>
 
 #include <diffnea/diagnose/diagnose.hpp>
@@ -52,6 +55,25 @@ TEST_CASE("diagnose: drives that are those of the description are not said to di
   CAPTURE(right.sentence);
   CHECK(right.drives.empty());
   CHECK(right.joints.front().described < 1.5 * right.joints.front().base);
+}
+
+TEST_CASE("diagnose: what is beyond noise, and below a percent of the motion, is no unknown cause",
+          "[diagnose]") {
+  const bool large = GENERATE(false, true);
+  const auto recorded = [&](test::SprungServo bench, double rate, double seconds) {
+    bench.rate = rate;
+    Recording r = bench.record(seconds);
+    for (double& q : r.q.reshaped())  // graduation of the encoder; the motion is 0.5 rad rms
+      q += (large ? 2e-2 : 2e-3) * std::sin(17.0 * q);
+    return r;
+  };
+  DiagnoseOptions options;
+  options.effects = {"joint_spring"};
+  const Finding f = diagnose(described(kBench.stiffness), {recorded(kBench, 2.0, 10.0)},
+                             {recorded(kBench, 2.7, 6.0)}, options);
+  CAPTURE(f.sentence, f.gain.after);
+  CHECK(f.gain.after > 2.0);  // times the noise
+  CHECK(f.verdict == (large ? Verdict::kUnknown : Verdict::kNone));
 }
 
 }  // namespace diffnea::motion_diagnosis_test
