@@ -104,6 +104,25 @@ def test_a_job_that_raises_costs_itself_and_what_needs_it(tmp_path) -> None:
     assert not results.has(bad)
 
 
+def test_a_result_that_is_there_counts_whatever_became_of_the_answer(tmp_path) -> None:
+    class Lost(Future):
+        def exception(self, timeout=None):
+            return TypeError("cannot unpack non-iterable float object")  # Dask loses some so
+
+    def submit(fn, /, *args):
+        fn(*args)
+        lost = Lost()
+        lost.set_result(None)
+        return lost
+
+    total = Job("total", small_jobs.total, {}, needs=tuple(squares(tmp_path / "log", 3)))
+    results = Results(tmp_path / "results")
+    workers = Workers(SimpleNamespace(submit=submit), 1, 0)
+    report = run([total], results, workers, Progress(quiet=True))
+    assert report.failed == {}
+    assert results.read(total).data == {"sum": 5}
+
+
 def test_half_a_file_is_never_there(tmp_path) -> None:
     results = Results(tmp_path / "results")
     report = run([Job("odd", small_jobs.not_json, {})], results, Here(), Progress(quiet=True))
