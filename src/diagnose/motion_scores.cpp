@@ -98,8 +98,15 @@ std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
   };
   sort();
   std::optional<MotionSolution> brief;
+  const std::vector<bool> quiet =
+      by_steps.empty() || out.empty() ? std::vector<bool>{} : at_noise(at);
+  const auto is_quiet = [&](int joint) {
+    return !quiet.empty() && quiet[static_cast<std::size_t>(joint)];
+  };
   for (const BoundEffect* effect : by_steps) {
     if (progress_ && !progress_("testing", 0)) return {};
+    // A gear moves its own encoder, or nothing that is seen.
+    if (std::ranges::all_of(effect->joints, is_quiet)) continue;
     if (!brief) brief = stepped(at, at.terms, brief_, kBrief);
     // The last of those that are refitted; what stays behind it need not be known better.
     const double to_beat =

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 
 #include <diffnea/effects/stepping.hpp>
@@ -252,11 +253,19 @@ double MotionSearch::correlation(const MotionSolution& at) const {
   return squares > 0.0 ? sum / squares : 1.0;
 }
 
+std::vector<bool> MotionSearch::at_noise(const MotionSolution& at) const {
+  std::vector<bool> out(static_cast<std::size_t>(at.layout.num_dofs), at.cost < kInfinity);
+  if (!(at.cost < kInfinity)) return out;
+  for (const RowMatX<double>& e : held_out_errors(at)) {
+    const Eigen::ArrayXd beyond = mean_squares(e) - 1.0;
+    for (std::size_t j = 0; j < out.size(); ++j)
+      out[j] = out[j] && beyond[static_cast<long>(j)] < kHiddenByNoise;
+  }
+  return out;
+}
+
 bool MotionSearch::is_at_noise(const MotionSolution& at) const {
-  if (!(at.cost < kInfinity)) return false;
-  for (const RowMatX<double>& e : held_out_errors(at))
-    if (!((mean_squares(e) - 1.0).maxCoeff() < kHiddenByNoise)) return false;
-  return true;
+  return std::ranges::all_of(at_noise(at), std::identity());
 }
 
 bool MotionSearch::is_hidden(const MotionSolution& less, const MotionSolution& more) const {

@@ -94,8 +94,10 @@ class MotionSearch {
   double samples() const { return static_cast<double>(samples_); }
   /// Positions that count as one, of what a solution leaves.
   double correlation(const MotionSolution& at) const;
-  /// Tells whether noise hides what a solution leaves beyond it of held-out positions, in all
-  /// joints and windows: the fitted ones a base may bend to.
+  /// Tells of each joint, (n), whether noise hides what a solution leaves beyond it of held-out
+  /// positions, in all windows: the fitted ones a base may bend to.
+  std::vector<bool> at_noise(const MotionSolution& at) const;
+  /// Tells the same of all joints.
   bool is_at_noise(const MotionSolution& at) const;
   /// Tells whether noise hides what one leaves of them and another does not.
   bool is_hidden(const MotionSolution& less, const MotionSolution& more) const;
