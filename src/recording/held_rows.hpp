@@ -18,8 +18,8 @@ struct HeldRows {
 };
 
 /// A drive that is too weak, friction and weight stop a joint as well, and let go while its command
-/// is about as far off as when it came to rest. Held is a joint that rests with a command much
-/// further on, by the error that moves it elsewhere, and stays until the command is back.
+/// is about as far off as when it came to rest. Held is a joint that rests while its command is
+/// further on by several times the error that moves it elsewhere, and stays until that is back.
 /// @param joint  column of recordings with commands (live_commands)
 std::vector<HeldRows> find_held(const std::vector<Recording>& recordings, int joint);
 
