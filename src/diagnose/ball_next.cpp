@@ -75,7 +75,7 @@ double separation(const BallSolution& best, const BallData& data, const EffectSp
     if (k < best.ball.layout.parameters.size()) q.fixed = best.ball.layout.parameters[k].fixed;
     if (q.fixed) continue;
     if (q.effect >= 0) {
-      const BoundEffect& e = layout.effects[static_cast<std::size_t>(q.effect)];
+      const BoundEffect& e = layout.effects[q.effect];
       if (e.info().name == cause.effect && e.where == cause.where)
         own.push_back(static_cast<int>(column));
     }
@@ -91,7 +91,7 @@ double separation(const BallSolution& best, const BallData& data, const EffectSp
     if (!layout.parameters[k].fixed) free.push_back(static_cast<int>(k));
   for (int c = 0; c < static_cast<int>(at.R.cols()); ++c)
     if (std::ranges::find(own, c) != own.end())
-      g += at.R.col(c) * p[free[static_cast<std::size_t>(c)]];
+      g += at.R.col(c) * p[free[c]];
     else
       others.push_back(c);
   const MatX<double> A = at.R(Eigen::all, others);

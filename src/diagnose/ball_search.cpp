@@ -17,7 +17,7 @@ constexpr double kSameColumn = 1e-6;
 
 long count(const BallData& data) {
   long out = 0;
-  for (const BallWindow& w : data.windows) out += 3 * static_cast<long>(w.time.size());
+  for (const BallWindow& w : data.windows) out += 3 * std::ssize(w.time);
   return out;
 }
 
@@ -28,10 +28,10 @@ std::vector<RowMatX<double>> ball_errors(const FittedBall& ball, const FlightOpt
   for (const BallWindow& w : ball.data.windows) {
     const std::vector<Vec3<double>> seen =
         predict_ball(ball.model, ball.layout, ball.p, ball.data, w, flight);
-    RowMatX<double> e(static_cast<Eigen::Index>(seen.size()), 3);
+    RowMatX<double> e(std::ssize(seen), 3);
     for (std::size_t k = 0; k < seen.size(); ++k) {
       const Vec3<double> d = w.seen[k] - seen[k];
-      e.row(static_cast<Eigen::Index>(k)) << d.x, d.y, d.z;
+      e.row(k) << d.x, d.y, d.z;
     }
     out.push_back(std::move(e));
   }
@@ -42,11 +42,9 @@ double correlation(const std::vector<RowMatX<double>>& stretches) {
   std::vector<double> sums(kLags + 1, 0.0);
   for (const RowMatX<double>& e : stretches)
     for (int lag = 0; lag <= std::min<long>(kLags, e.rows() - 1); ++lag)
-      sums[static_cast<std::size_t>(lag)] +=
-          (e.topRows(e.rows() - lag).array() * e.bottomRows(e.rows() - lag).array()).sum();
+      sums[lag] += (e.topRows(e.rows() - lag).array() * e.bottomRows(e.rows() - lag).array()).sum();
   double out = 1.0;
-  for (int lag = 1; lag <= kLags && sums[static_cast<std::size_t>(lag)] > 0.0; ++lag)
-    out += 2.0 * sums[static_cast<std::size_t>(lag)] / sums[0];
+  for (int lag = 1; lag <= kLags && sums[lag] > 0.0; ++lag) out += 2.0 * sums[lag] / sums[0];
   return out;
 }
 
@@ -80,7 +78,7 @@ BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms, const BallS
       for (std::size_t k = 0; k < start->ball.layout.parameters.size(); ++k) {
         BallParameter& p = layout.parameters[i];
         if (start->ball.layout.parameters[k].name != p.name || p.fixed) continue;
-        p.value = start->ball.p[static_cast<Eigen::Index>(k)];
+        p.value = start->ball.p[k];
         fresh[i] = false;
       }
   const BallData& data = start ? start->ball.data : train_;
@@ -96,8 +94,8 @@ BallSolution BallSearch::solve(const std::vector<EffectSpec>& terms, const BallS
   for (std::size_t i = 0; start && i < layout.parameters.size(); ++i) {
     const BallParameter& p = layout.parameters[i];
     if (p.effect < 0 || p.fixed || !fresh[i]) continue;
-    const BoundEffect& e = layout.effects[static_cast<std::size_t>(p.effect)];
-    const auto& starts = e.parameter_info[static_cast<std::size_t>(p.index)].search;
+    const BoundEffect& e = layout.effects[p.effect];
+    const auto& starts = e.parameter_info[p.index].search;
     for (const double value : starts) {
       BallLayout elsewhere = layout;
       elsewhere.parameters[i].value = value;
@@ -171,7 +169,7 @@ std::vector<WindowScore> BallSearch::scores(const BallSolution& at,
     const auto k = static_cast<long>(bind(s.effect, model_).parameters.size());
     const MatX<double> g = G.middleCols(column, k);
     const VecX<double> norms = linear.norms.segment(known + column, k);
-    const Sign sign = layout.parameters[static_cast<std::size_t>(at.ball.p.size() + column)].sign;
+    const Sign sign = layout.parameters[at.ball.p.size() + column].sign;
     column += k;
     s.visible_share = norms.norm() > 0.0 ? g.norm() / norms.norm() : 0.0;
     if (!(s.visible_share > kSameColumn)) {
@@ -219,12 +217,12 @@ std::vector<CauseParameter> BallSearch::parameters_of(const BallSolution& at,
   for (std::size_t k = 0; k < at.ball.layout.parameters.size(); ++k) {
     const BallParameter& p = at.ball.layout.parameters[k];
     if (p.effect < 0) continue;
-    const BoundEffect& e = at.ball.layout.effects[static_cast<std::size_t>(p.effect)];
+    const BoundEffect& e = at.ball.layout.effects[p.effect];
     if (e.info().name != term.effect || e.where != term.where) continue;
     const auto i = static_cast<Eigen::Index>(k);
     const double value = at.ball.p[i], std = std::sqrt(at.fit.covariance(i, i) * together);
     out.push_back(
-        {e.parameter_info[static_cast<std::size_t>(p.index)].name, p.unit, value, std,
+        {e.parameter_info[p.index].name, p.unit, value, std,
          p.sign == Sign::kFree ? value - kNormal95 * std : std::max(0.0, value - kNormal95 * std),
          value + kNormal95 * std});
   }

@@ -32,10 +32,10 @@ struct Group {
 };
 
 MatX<double> quadratics(const std::vector<Vec3<double>>& x) {
-  MatX<double> out(static_cast<Eigen::Index>(x.size()), 10);
+  MatX<double> out(std::ssize(x), 10);
   for (std::size_t k = 0; k < x.size(); ++k) {
     const auto [a, b, c] = std::array{x[k].x, x[k].y, x[k].z};
-    out.row(static_cast<Eigen::Index>(k)) << 1, a, b, c, a * a, a * b, a * c, b * b, b * c, c * c;
+    out.row(k) << 1, a, b, c, a * a, a * b, a * c, b * b, b * c, c * c;
   }
   return out;
 }
@@ -43,10 +43,10 @@ MatX<double> quadratics(const std::vector<Vec3<double>>& x) {
 /// 1, cos and sin of one frequency [Hz], and both times the time in the window (the second
 /// number): what a force near the swing's own frequency leaves beside a window's initial state.
 MatX<double> period(const std::vector<Vec3<double>>& time, double hz) {
-  MatX<double> out(static_cast<Eigen::Index>(time.size()), 5);
+  MatX<double> out(std::ssize(time), 5);
   for (std::size_t k = 0; k < time.size(); ++k) {
     const double phase = 2.0 * M_PI * hz * time[k].x, c = std::cos(phase), s = std::sin(phase);
-    out.row(static_cast<Eigen::Index>(k)) << 1, c, s, time[k].y * c, time[k].y * s;
+    out.row(k) << 1, c, s, time[k].y * c, time[k].y * s;
   }
   return out;
 }
@@ -62,7 +62,7 @@ std::vector<Witness> ball_witnesses(const FittedBall& ball, const BallFitOptions
       groups.push_back({{name}, {}});
   std::vector<Vec3<double>> errors, clock;
   for (const BallWindow& w : ball.data.windows) {
-    const HandMotion& hand = ball.data.hands[static_cast<std::size_t>(w.hand)];
+    const HandMotion& hand = ball.data.hands[w.hand];
     const BallWorld<double> world(ball.model, ball.layout, hand, {ball.p.begin(), ball.p.end()});
     fly(world, w, w.state, options.flight,
         [&](std::size_t k, const Vec3<double>& seen,
@@ -79,9 +79,8 @@ std::vector<Witness> ball_witnesses(const FittedBall& ball, const BallFitOptions
           groups[5].values.push_back({flight.pull(), 0, 0});
         });
   }
-  MatX<double> e(static_cast<Eigen::Index>(errors.size()), 3);
-  for (std::size_t k = 0; k < errors.size(); ++k)
-    e.row(static_cast<Eigen::Index>(k)) << errors[k].x, errors[k].y, errors[k].z;
+  MatX<double> e(std::ssize(errors), 3);
+  for (std::size_t k = 0; k < errors.size(); ++k) e.row(k) << errors[k].x, errors[k].y, errors[k].z;
   const auto n = static_cast<double>(e.size());
   const double total = e.squaredNorm();
   std::vector<Witness> out;

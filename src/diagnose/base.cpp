@@ -30,7 +30,7 @@ std::vector<JointFactor> linear_factors(const Evidence& evidence, const FitLayou
     std::vector<int> columns = f.columns;
     std::erase_if(columns, [&](int c) { return c >= p; });
     JointFactor kept{columns, TriangularFactor(static_cast<int>(columns.size()))};
-    const long k = static_cast<long>(columns.size());  // they come first
+    const long k = std::ssize(columns);  // they come first
     if (f.inertia.size() > 0) kept.inertia = f.inertia.head(k);
     if (f.factor.rows() > 0) {
       RowMatX<double> rows = RowMatX<double>::Zero(f.factor.R().rows() + 1, k + 1);
@@ -49,8 +49,7 @@ VecX<double> fitted(const Evidence& evidence, const FitLayout& layout) {
   const std::vector<JointFactor> factors = linear_factors(evidence, layout);
   long rows = 0;
   for (const JointFactor& f : factors) rows += f.factor.rows();
-  return rows < static_cast<long>(layout.linear.size()) ? layout.prior()
-                                                        : fit_linear(layout, factors).x;
+  return rows < std::ssize(layout.linear) ? layout.prior() : fit_linear(layout, factors).x;
 }
 
 /// One over the standard deviation of the torque's instant [1/sample]: of a uniform distribution.
@@ -63,7 +62,7 @@ double of_instant(const Evidence& evidence) {
 BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
                      const Evidence& evidence) {
   BasePrior out;
-  const long linear = static_cast<long>(layout.linear.size());
+  const long linear = std::ssize(layout.linear);
   const long turns = evidence.base().cols() - linear;  // and the torque's instant
   const double instant = of_instant(evidence);
   out.x0 = VecX<double>::Zero(linear + turns);
@@ -85,16 +84,15 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
       VecX<double>::Constant(turns, 1.0 / width);  // a factor of e, 1 ms
   scale[linear + turns - 1] = 1.0 / (instant * width);
   for (long s = 0; s < turns; ++s) out.free.push_back(static_cast<int>(linear + s));
-  const long p = static_cast<long>(out.free.size());
+  const long p = std::ssize(out.free);
   MatX<double> weak = MatX<double>::Zero(p, p);
-  for (long k = 0; k < p; ++k)
-    weak(k, k) = 1.0 / (width * scale[out.free[static_cast<std::size_t>(k)]]);
+  for (long k = 0; k < p; ++k) weak(k, k) = 1.0 / (width * scale[out.free[k]]);
   if (base != Base::kPrior) {
     out.root = weak;
     return out;
   }
   const Posterior& posterior = *model.posterior;
-  const long n = static_cast<long>(posterior.names.size());
+  const long n = std::ssize(posterior.names);
   const MatX<double> information =
       Eigen::Map<const MatX<double>>(posterior.information.data(), n, n);
   const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(information);
@@ -104,9 +102,7 @@ BasePrior base_prior(Base base, const Model& model, const FitLayout& layout,
       eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
   for (long i = 0; i < n; ++i)
     for (long k = 0; k < p; ++k)
-      if (out.free[static_cast<std::size_t>(k)] < linear &&
-          layout.linear[static_cast<std::size_t>(out.free[static_cast<std::size_t>(k)])].name ==
-              posterior.names[static_cast<std::size_t>(i)])
+      if (out.free[k] < linear && layout.linear[out.free[k]].name == posterior.names[i])
         root.col(k) = L.col(i);
   out.root.resize(n + p, p);
   out.root << root, weak;
@@ -119,7 +115,7 @@ std::string hold_scale(const Evidence& evidence, FitLayout& layout) {
   double most = 0.0;
   for (std::size_t k = 0; k < layout.linear.size(); ++k) {
     FitParameter& p = layout.linear[k];
-    const double torque = std::abs(p.prior) * evidence.base().col(static_cast<long>(k)).norm();
+    const double torque = std::abs(p.prior) * evidence.base().col(k).norm();
     if (p.fixed && torque > 0.0) return "";
     if (torque <= most) continue;
     most = torque;
@@ -132,7 +128,7 @@ std::string hold_scale(const Evidence& evidence, FitLayout& layout) {
 
 bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, FitLayout& layout,
                VecX<double>& early) {
-  const long p = static_cast<long>(layout.linear.size()), m = evidence.times();
+  const long p = std::ssize(layout.linear), m = evidence.times();
   const long smoothing = std::ranges::count_if(layout.shape, is_smoothing);
   if (smoothing == 0) return false;
   if (early.size() == 0) early = VecX<double>::Zero(evidence.num_dofs());
@@ -147,9 +143,9 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
   MatX<double> K = root.cwiseAbs2().asDiagonal();
   VecX<double> k = VecX<double>::Zero(width);
   for (std::size_t j = 0; j < evidence.joints().size(); ++j) {
-    const auto rows = evidence.base().middleRows(static_cast<long>(j) * m, m);
-    const VecX<double> left = torque.segment(static_cast<long>(j) * m, m) - rows.leftCols(p) * x0;
-    const JointFactor& f = evidence.factors()[static_cast<std::size_t>(evidence.joints()[j])];
+    const auto rows = evidence.base().middleRows(j * m, m);
+    const VecX<double> left = torque.segment(j * m, m) - rows.leftCols(p) * x0;
+    const JointFactor& f = evidence.factors()[evidence.joints()[j]];
     const double weight =
         static_cast<double>(m) / std::max(f.factor.residual_sum_of_squares(), 1e-300);
     K.noalias() += weight * (rows.transpose() * rows);
@@ -157,11 +153,11 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
   }
   std::vector<int> free;
   for (long c = 0; c < width; ++c)
-    if (c >= p || (base != Base::kFixed && !layout.linear[static_cast<std::size_t>(c)].fixed))
+    if (c >= p || (base != Base::kFixed && !layout.linear[c].fixed))
       free.push_back(static_cast<int>(c));
   MatX<double> A = K(free, free);
   for (long c = 0; c < A.rows(); ++c)
-    if (free[static_cast<std::size_t>(c)] < p) A(c, c) += 1e-9 * A(c, c) + 1e-300;
+    if (free[c] < p) A(c, c) += 1e-9 * A(c, c) + 1e-300;
   const VecX<double> b = k(free);
   const Eigen::LDLT<MatX<double>> factor(A);
   const VecX<double> of_free = factor.solve(b);
@@ -182,7 +178,7 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
     const double sharper = worth(step[p + s], 1.0);
     shape.prior *= std::exp(sharper);
     moved |= sharper != 0.0;
-    const std::vector<int>& joints = layout.effects[static_cast<std::size_t>(shape.effect)].joints;
+    const std::vector<int>& joints = layout.effects[shape.effect].joints;
     const long column = earlier(s++);
     if (joints.size() != 1) continue;
     double& at = early[joints.front()];
@@ -201,7 +197,7 @@ bool fit_turns(Base base, const Evidence& evidence, const VecX<double>& torque, 
 Model refitted(Base base, const Model& model, const FitLayout& layout, const Evidence& evidence) {
   if (base != Base::kRefit) return model;
   VecX<double> x = VecX<double>::Zero(evidence.base().cols());  // friction turns as it is read
-  x.head(static_cast<long>(layout.linear.size())) = fitted(evidence, layout);
+  x.head(std::ssize(layout.linear)) = fitted(evidence, layout);
   return base_at(model, layout, x, {});
 }
 
@@ -224,7 +220,7 @@ VecX<double> final_base(Base base, const FitLayout& layout, const Search& search
   for (const Term& t : terms) effects += t.torque();
   VecX<double> x = search.projection().parameters(effects);
   if (base != Base::kRefit) return x;
-  const long p = static_cast<long>(layout.linear.size()), turns = x.size() - p;
+  const long p = std::ssize(layout.linear), turns = x.size() - p;
   MatX<double> all(evidence.rows(), p + 1);
   all << evidence.base().leftCols(p),
       evidence.torque() - effects - evidence.base().rightCols(turns) * x.tail(turns);
@@ -232,21 +228,19 @@ VecX<double> final_base(Base base, const FitLayout& layout, const Search& search
   std::vector<JointFactor> factors;
   std::size_t known = 0;
   for (int j = 0; j < evidence.num_dofs(); ++j) {
-    std::vector<int> columns = evidence.factors()[static_cast<std::size_t>(j)].columns;
+    std::vector<int> columns = evidence.factors()[j].columns;
     std::erase_if(columns, [&](int c) { return c >= p; });
     factors.push_back({columns, TriangularFactor(static_cast<int>(columns.size()))});
     if (known >= evidence.joints().size() || evidence.joints()[known] != j) continue;
     // An effect at a passive joint is a torque that is not zero: it has a scale.
-    if (const VecX<double>& of = evidence.factors()[static_cast<std::size_t>(j)].inertia;
-        of.size() > 0)
-      factors.back().inertia = of.head(static_cast<long>(columns.size()));
+    if (const VecX<double>& of = evidence.factors()[j].inertia; of.size() > 0)
+      factors.back().inertia = of.head(std::ssize(columns));
     const long begin = static_cast<long>(known++) * evidence.times();
     std::vector<long> used;
     for (long i = begin; i < begin + evidence.times(); ++i)
-      if (search.whitener().kept()[static_cast<std::size_t>(i)]) used.push_back(i);
-    RowMatX<double> block(static_cast<long>(used.size()), static_cast<long>(columns.size()) + 1);
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      block.col(static_cast<long>(c)) = rows.col(columns[c])(used);
+      if (search.whitener().kept()[i]) used.push_back(i);
+    RowMatX<double> block(std::ssize(used), std::ssize(columns) + 1);
+    for (std::size_t c = 0; c < columns.size(); ++c) block.col(c) = rows.col(columns[c])(used);
     block.col(block.cols() - 1) = rows.col(p)(used);
     factors.back().factor.add(block);
   }

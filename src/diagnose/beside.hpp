@@ -20,8 +20,8 @@ struct Beside {
   long cols() const { return whitened.cols(); }
   /// Rows of the i-th of `joints`.
   auto of(std::size_t i) const {
-    const long m = whitened.rows() / static_cast<long>(joints.size());
-    return whitened.middleRows(static_cast<long>(i) * m, m);
+    const long m = whitened.rows() / std::ssize(joints);
+    return whitened.middleRows(i * m, m);
   }
 };
 

@@ -73,7 +73,7 @@ void drop_noisy_limits(const Evidence& evidence, double tau_noise, Candidate& c)
 void bound_stribeck(const FitLayout& layout, Candidate& c) {
   const auto value = [&](const char* name) {
     const auto at = std::ranges::find(c.effect.parameter_info, name, &ParameterInfo::name);
-    return c.effect.parameters[static_cast<std::size_t>(at - c.effect.parameter_info.begin())];
+    return c.effect.parameters[at - c.effect.parameter_info.begin()];
   };
   double v0 = value("smoothing");
   for (const FitParameter& shape : layout.shape)

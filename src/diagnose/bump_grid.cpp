@@ -49,32 +49,30 @@ BumpTable grid(const std::vector<Spacing>& spacing, const MatX<double>& x,
   for (long k = 0; k < x.cols(); ++k) {
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (long i = 0; i < x.rows(); ++i)
-      if (used[static_cast<std::size_t>(i)]) {
+      if (used[i]) {
         low = std::min(low, x(i, k));
         high = std::max(high, x(i, k));
       }
-    axis.push_back(points(spacing[static_cast<std::size_t>(k)], low, high));
+    axis.push_back(points(spacing[k], low, high));
   }
-  const long n0 = static_cast<long>(axis[0].centres.size());
-  const long n1 = axis.size() > 1 ? static_cast<long>(axis[1].centres.size()) : 1;
-  std::vector<long> rows(static_cast<std::size_t>(n0 * n1), 0);
+  const long n0 = std::ssize(axis[0].centres);
+  const long n1 = axis.size() > 1 ? std::ssize(axis[1].centres) : 1;
+  std::vector<long> rows(n0 * n1, 0);
   for (long i = 0; i < x.rows(); ++i) {
-    if (!used[static_cast<std::size_t>(i)]) continue;
+    if (!used[i]) continue;
     for (long a = 0; a < n0; ++a) {
       const auto near = [&](long k, long at) {
-        const Points& p = axis[static_cast<std::size_t>(k)];
-        return std::abs(x(i, k) - p.centres[static_cast<std::size_t>(at)]) <
-               p.widths[static_cast<std::size_t>(at)];
+        const Points& p = axis[k];
+        return std::abs(x(i, k) - p.centres[at]) < p.widths[at];
       };
       if (!near(0, a)) continue;
-      for (long b = 0; b < n1; ++b)
-        rows[static_cast<std::size_t>(a * n1 + b)] += n1 == 1 || near(1, b);
+      for (long b = 0; b < n1; ++b) rows[a * n1 + b] += n1 == 1 || near(1, b);
     }
   }
   BumpTable out;
   for (long a = 0; a < n0; ++a)
     for (long b = 0; b < n1; ++b) {
-      if (rows[static_cast<std::size_t>(a * n1 + b)] < kLeastRows) continue;
+      if (rows[a * n1 + b] < kLeastRows) continue;
       for (std::size_t k = 0; k < axis.size(); ++k) {
         const std::size_t at = static_cast<std::size_t>(k == 0 ? a : b);
         out.centres.push_back(axis[k].centres[at]);
@@ -88,12 +86,11 @@ BumpTable grid(const std::vector<Spacing>& spacing, const MatX<double>& x,
 }  // namespace
 
 MatX<double> bumps(const BumpTable& table, const MatX<double>& x) {
-  const long n = x.cols(), count = static_cast<long>(table.weights.size());
+  const long n = x.cols(), count = std::ssize(table.weights);
   MatX<double> out = MatX<double>::Ones(x.rows(), count);
   for (long b = 0; b < count; ++b)
     for (long k = 0; k < n; ++k) {
-      const double c = table.centres[static_cast<std::size_t>(b * n + k)],
-                   h = table.widths[static_cast<std::size_t>(b * n + k)];
+      const double c = table.centres[b * n + k], h = table.widths[b * n + k];
       for (long i = 0; i < x.rows(); ++i) out(i, b) *= Residual::bump((x(i, k) - c) / h);
     }
   return out;
@@ -107,8 +104,7 @@ BumpTable best_grid(const std::function<double(const MatX<double>&)>& cost_of,
     const auto [at, is_new] = known.try_emplace(s, std::numeric_limits<double>::infinity());
     if (!is_new) return at->second;
     const BumpTable table = grid(s, x, used);
-    if (table.weights.empty() || static_cast<long>(table.weights.size()) > kMostBumps)
-      return at->second;
+    if (table.weights.empty() || std::ssize(table.weights) > kMostBumps) return at->second;
     return at->second = cost_of(bumps(table, x));
   };
   std::vector<Spacing> best;

@@ -16,8 +16,7 @@ bool one_type(const Model& model, int base) {
   std::vector<int> moving = moving_links(model);
   moving.erase(moving.begin(), moving.begin() + base);
   return moving.size() > 1 && std::ranges::all_of(moving, [&](int l) {
-           return model.links[static_cast<std::size_t>(l)].type ==
-                  model.links[static_cast<std::size_t>(moving[0])].type;
+           return model.links[l].type == model.links[moving[0]].type;
          });
 }
 
@@ -40,7 +39,7 @@ std::vector<double> springs(double inertia) {
 }
 
 void add_shape(Candidate& c, int parameter) {
-  const ParameterInfo& p = c.effect.parameter_info[static_cast<std::size_t>(parameter)];
+  const ParameterInfo& p = c.effect.parameter_info[parameter];
   c.shapes.push_back(parameter);
   c.shape_low.push_back(scale(p) == Scale::kLog ? 0.0 : -p.most);
   c.shape_high.push_back(p.most);
@@ -114,8 +113,7 @@ Candidate make_candidate(const EffectSpec& spec, const Model& model, const Model
       add_shape(c, k);
     }
   }
-  for (const int k : c.choices)
-    multiply_grid(c, c.effect.parameter_info[static_cast<std::size_t>(k)].choices);
+  for (const int k : c.choices) multiply_grid(c, c.effect.parameter_info[k].choices);
   // A hidden motor angle moves the base's friction with it, whatever the motor's inertia.
   if (c.linear.empty() || motor != HiddenMotor::kNone) c.nonlinear = true;
   return c;
@@ -171,7 +169,7 @@ EffectSpec to_spec(const TriedEffect& effect) {
 void Candidate::set(const std::vector<double>& point, BoundEffect& of) const {
   for (std::size_t s = 0; s < point.size(); ++s) {
     const int k = s < shapes.size() ? shapes[s] : choices[s - shapes.size()];
-    of.parameters[static_cast<std::size_t>(k)] = point[s];
+    of.parameters[k] = point[s];
   }
 }
 

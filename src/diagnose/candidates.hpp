@@ -43,8 +43,7 @@ struct Candidate {
   double held = 0.0;  ///< relative uncertainty of what is held at the model's word
   /// How recordings bound the first of `shapes`.
   SearchBound bound() const {
-    return shapes.empty() ? SearchBound::kNone
-                          : effect.parameter_info[static_cast<std::size_t>(shapes[0])].bound;
+    return shapes.empty() ? SearchBound::kNone : effect.parameter_info[shapes[0]].bound;
   }
   /// Sets the shapes and choices of a point of the grid.
   void set(const std::vector<double>& point, BoundEffect& of) const;

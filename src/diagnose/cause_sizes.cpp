@@ -40,7 +40,7 @@ std::vector<long> held_at_bounds(const MatX<double>& K, const std::vector<bool>&
   const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(K);
   for (long k = 0; k < K.cols(); ++k)
     for (long e = 0; e < K.cols(); ++e)
-      if (at_bound[static_cast<std::size_t>(k)] && eigen.eigenvalues()[e] < kUntold &&
+      if (at_bound[k] && eigen.eigenvalues()[e] < kUntold &&
           std::abs(eigen.eigenvectors()(k, e)) > 0.1) {
         out.push_back(k);
         break;
@@ -56,7 +56,7 @@ VecX<double> clustered(const Search& search, const MatX<double>& influence,
   const long m = search.evidence().times();
   std::map<long, VecX<double>> clusters;
   for (long i = 0; i < m; ++i) {
-    double t = search.evidence().time()[static_cast<std::size_t>(i)];
+    double t = search.evidence().time()[i];
     if (search.period() > 0.0) t = std::fmod(t, search.period());
     VecX<double>& sum = clusters
                             .try_emplace(std::lround(std::floor(t / kMisfitBlock)),
@@ -94,11 +94,11 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
   std::vector<bool> at_bound;
   long width = 0;
   for (const Term& t : terms) {
-    MatX<double> J(search.evidence().rows(), t.width() + static_cast<long>(t.shapes.size()));
+    MatX<double> J(search.evidence().rows(), t.width() + std::ssize(t.shapes));
     J << t.columns, search.evidence().columns(t.effect, t.shapes);
     const std::vector<bool> nonnegative = signs(t.effect, t.linear);
     for (long k = 0; k < t.width(); ++k) {
-      at_bound.push_back(nonnegative[static_cast<std::size_t>(k)] && t.values()[k] == 0.0);
+      at_bound.push_back(nonnegative[k] && t.values()[k] == 0.0);
       if (at_bound.back() && !t.told(k)) J.col(k).setZero();
     }
     at_bound.resize(at_bound.size() + t.shapes.size(), false);
@@ -115,8 +115,7 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
   }
   for (long at = 0; const Term& t : terms) {
     at += t.width();
-    for (const int k : t.shapes)
-      K(at, at) += shape_information(t.effect.parameter_info[static_cast<std::size_t>(k)]), ++at;
+    for (const int k : t.shapes) K(at, at) += shape_information(t.effect.parameter_info[k]), ++at;
   }
   VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
   K = scale.asDiagonal() * K * scale.asDiagonal();
@@ -165,7 +164,7 @@ bool may_be_nothing(const Term& term, const std::vector<CauseParameter>& sizes) 
   if (term.effect.info().motor != HiddenMotor::kNone) return false;
   long told = 0, zero = 0;
   for (const int k : term.linear) {
-    const CauseParameter& p = sizes[static_cast<std::size_t>(k)];
+    const CauseParameter& p = sizes[k];
     if (!std::isfinite(p.std)) continue;
     ++told;
     zero += p.low <= 0.0 && p.high >= 0.0;
@@ -176,7 +175,7 @@ bool may_be_nothing(const Term& term, const std::vector<CauseParameter>& sizes) 
 std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,
                                   std::size_t which, const MatX<double>& covariance) {
   const Term& t = terms[which];
-  const Candidate& c = search.candidates()[static_cast<std::size_t>(t.candidate)];
+  const Candidate& c = search.candidates()[t.candidate];
   const bool shapes_show =
       t.effect.told >= 0 ? has_size(c, t) : t.shapes.size() >= c.shapes.size();
   // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.
@@ -194,15 +193,13 @@ std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>&
       const long at = linear - t.linear.begin();
       double std = std::hypot(by_noise(at), kColumnError * p.value);
       // It hangs on a shape that does not show; or the base hides it, as an offset a spring's rest.
-      if ((!by_rotor && !shapes_show) || t.shares[static_cast<std::size_t>(at)] < kAbsorbed)
-        std = kNaN;
-      set_interval(p, std, nonnegative[static_cast<std::size_t>(at)]);
+      if ((!by_rotor && !shapes_show) || t.shares[at] < kAbsorbed) std = kNaN;
+      set_interval(p, std, nonnegative[at]);
       // Whoever the rotor is, it does not make nothing of what is there.
       if (by_rotor && p.low > 0.0)
         set_log_interval(p, std::hypot(std / p.value, of_word), info.most);
       else if (by_rotor)
-        set_interval(p, std::hypot(std, of_word * p.value),
-                     nonnegative[static_cast<std::size_t>(at)]);
+        set_interval(p, std::hypot(std, of_word * p.value), nonnegative[at]);
     } else if (t.effect.told >= 0 && scale(info) == Scale::kPlain) {
       p.std = kNaN;  // how teeth bounce makes up for flights that are told in part
     } else if (shape != t.shapes.end()) {

@@ -52,8 +52,7 @@ void DifferencedWindows::differentiate(const MotionStretch& stretch, const Motio
   constexpr double kStep = 1e-2;  // share of a move by σ: beyond rounding, within a corner
   const RowMatX<double>& q = simulated(stretch, window);
   const long n = q.cols();
-  const double seconds = stretch.time[static_cast<std::size_t>(window.first + window.rows - 1)] -
-                         stretch.time[static_cast<std::size_t>(window.first)];
+  const double seconds = stretch.time[window.first + window.rows - 1] - stretch.time[window.first];
   last_.by_state.clear();
   for (long c = 0; c < 2 * n; ++c) {
     const double step = kStep * sigma[c % n] / (c < n ? 1.0 : std::max(seconds, 1e-3));
@@ -74,8 +73,7 @@ RowMatX<double> DifferencedWindows::rows_of(const MotionStretch& stretch,
     for (long j = 0; j < n; ++j) {
       const double measured = stretch.q(window.first + k, j);
       if (std::isnan(measured)) continue;
-      for (long c = 0; c < width; ++c)
-        out(filled, c) = last_.by_state[static_cast<std::size_t>(c)](k, j) / sigma[j];
+      for (long c = 0; c < width; ++c) out(filled, c) = last_.by_state[c](k, j) / sigma[j];
       out(filled++, width) = (q(k, j) - measured) / sigma[j];
     }
   return out.topRows(filled);
@@ -90,10 +88,9 @@ void DifferencedWindows::follow(const MotionStretch& stretch, const MotionWindow
   MatX<double> position = MatX<double>::Zero(n, 2 * n), velocity = position;
   position.leftCols(n) = one;
   velocity.rightCols(n) = one;
-  const auto time = [&](long k) { return stretch.time[static_cast<std::size_t>(window.first + k)]; };
+  const auto time = [&](long k) { return stretch.time[window.first + k]; };
   for (long k = 0; k < m; ++k) {
-    for (long c = 0; c < 2 * n; ++c)
-      last_.by_state[static_cast<std::size_t>(c)].row(k) = position.col(c).transpose();
+    for (long c = 0; c < 2 * n; ++c) last_.by_state[c].row(k) = position.col(c).transpose();
     if (k + 1 == m) break;
     const long before = std::max<long>(k - 1, 0), after = k + 1;
     const VecX<double> at = q.row(k).transpose(), u = stretch.u.row(window.first + k).transpose(),

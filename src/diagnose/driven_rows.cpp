@@ -37,7 +37,7 @@ void DrivenRows::set_paths(const std::vector<JointSeries>& series) {
     std::vector<RowMatX<double>> of(joints().size(), RowMatX<double>(s.rows(), s.q.cols()));
     for (long k = 0; k < s.rows(); ++k) {
       const MatX<double> D = loops_->map(tree_, s.q.row(k).transpose());
-      for (std::size_t i = 0; i < of.size(); ++i) of[i].row(k) = D.row(static_cast<long>(i));
+      for (std::size_t i = 0; i < of.size(); ++i) of[i].row(k) = D.row(i);
     }
     maps_.push_back(std::move(of));
   }
@@ -56,7 +56,7 @@ bool DrivenRows::reaches(const std::vector<int>& joints, int row) const {
 RowMatX<double> DrivenRows::at(std::size_t stretch, int row, const std::vector<int>& joints,
                                const std::function<RowMatX<double>(int)>& of) const {
   if (!closed()) return of(row);
-  const RowMatX<double>& D = maps_[stretch][static_cast<std::size_t>(index_of(row))];
+  const RowMatX<double>& D = maps_[stretch][index_of(row)];
   RowMatX<double> out;
   for (const int j : joints) {
     RowMatX<double> own = D.col(j).asDiagonal() * of(j);
@@ -75,7 +75,7 @@ VecX<double> DrivenRows::inertias(const Tree<double>& tree, const VecX<double>& 
   if (!closed()) return out;
   const MatX<double> D = loops_->map(tree, q);
   for (std::size_t i = 0; i < joints().size(); ++i) {
-    const auto d = D.row(static_cast<long>(i));
+    const auto d = D.row(i);
     out[joints()[i]] = d * M * d.transpose();
   }
   return out;

@@ -22,24 +22,24 @@ void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c) {
     const int j = e.joints()[k];
     const long begin = static_cast<long>(k) * e.times();
     ResidualSeries s;
-    s.joint = names[static_cast<std::size_t>(j)];
-    s.unit = units[static_cast<std::size_t>(j)];
+    s.joint = names[j];
+    s.unit = units[j];
     JointGain g{s.joint, s.unit, 0.0, 0.0, 0.0, c.search->whitener().noise()[k].rms};
     double rows = 0.0;
     const bool any = std::any_of(counts.begin() + begin, counts.begin() + begin + e.times(),
                                  [](bool row) { return row; });
     for (long i = 0; i < e.times(); ++i) {
       const long row = begin + i;
-      if (!c.held_rows.empty() && !c.held_rows[static_cast<std::size_t>(row)]) continue;
-      s.time.push_back(e.time()[static_cast<std::size_t>(i)]);
+      if (!c.held_rows.empty() && !c.held_rows[row]) continue;
+      s.time.push_back(e.time()[i]);
       const double measured = e.torque()[row] - (e.shift().size() > 0 ? e.shift()[row] : 0.0);
       s.measured.push_back(measured);
       s.base.push_back(measured - e0[row]);
       s.extended.push_back(measured - e1[row]);
-      s.q.push_back(e.q(static_cast<long>(k))(i, j));
-      s.qd.push_back(e.qd(static_cast<long>(k))(i, j));
-      s.qdd.push_back(e.qdd(static_cast<long>(k))(i, j));
-      if (any && !counts[static_cast<std::size_t>(row)]) continue;
+      s.q.push_back(e.q(k)(i, j));
+      s.qd.push_back(e.qd(k)(i, j));
+      s.qdd.push_back(e.qdd(k)(i, j));
+      if (any && !counts[row]) continue;
       g.torque_rms += measured * measured;
       g.base += e0[row] * e0[row];
       g.extended += e1[row] * e1[row];
@@ -57,9 +57,8 @@ void note_offsets(const VecX<double>& errors, JointCase& c) {
   const std::vector<std::string> names = joint_names(c.model), units = units_of(c.model);
   for (const HeldOutOffset& o : c.held_out->offsets(errors))
     c.finding.notes.push_back(
-        names[static_cast<std::size_t>(o.joint)] + ": on held-out data the torque is off by " +
-        format_number(o.mean) + " ± " + format_number(1.96 * o.std) + " " +
-        units[static_cast<std::size_t>(o.joint)] + " while it moves, " +
+        names[o.joint] + ": on held-out data the torque is off by " + format_number(o.mean) +
+        " ± " + format_number(1.96 * o.std) + " " + units[o.joint] + " while it moves, " +
         format_number(std::round(100.0 * o.share)) +
         " % of what is left: its offset changed between the recordings; give both as DATA to "
         "have it fitted (session_offset)");

@@ -21,8 +21,7 @@ constexpr long kChunk = 2048;
 
 /// Tells whether a joint's torque is known: measured, or passive and hence zero.
 bool known(const Preprocessed& about, const JointSeries& s, int j) {
-  return about.has_tau[static_cast<std::size_t>(j)] ||
-         (s.rows() > 0 && !std::isnan(s.logged(0, j)));
+  return about.has_tau[j] || (s.rows() > 0 && !std::isnan(s.logged(0, j)));
 }
 
 /// Linear parameters: of the links as in `links`, of effects before the fit.
@@ -31,8 +30,7 @@ VecX<double> with_inertias_of(const Model& links, const FitLayout& layout) {
   const Tree<double> tree = make_tree(links);
   for (std::size_t k = 0; k < layout.linear.size(); ++k)
     if (const FitParameter& p = layout.linear[k]; p.dof >= 0)
-      out[static_cast<long>(k)] = tree.links[static_cast<std::size_t>(p.dof)]
-                                      .inertia.theta()[static_cast<std::size_t>(p.theta)];
+      out[k] = tree.links[p.dof].inertia.theta()[p.theta];
   return out;
 }
 
@@ -84,7 +82,7 @@ Evidence::Evidence(const Model& model, const Linearisation& about, const FitLayo
     earliest_instant_ -= 0.5, latest_instant_ -= 0.5;
   const std::vector<int> held_rows = refresh_rows(source.sample(), &Recording::tau);
   int slowest = 1;  // a joint that stands still has the same torque for many rows
-  for (const int j : joints_) slowest = std::max(slowest, held_rows[static_cast<std::size_t>(j)]);
+  for (const int j : joints_) slowest = std::max(slowest, held_rows[j]);
   earliest_instant_ -= 0.5 * (slowest - 1);
   has_instant_ = true;
   set_instant();
@@ -95,7 +93,7 @@ void Evidence::set_instant() {
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     if (passive_[k]) continue;
     const int j = joints_[k];
-    column.segment(static_cast<long>(k) * times(), times()) =
+    column.segment(k * times(), times()) =
         rows_of(static_cast<long>(k), [j](const JointSeries& s) {  // torque of a sample
           const long n = s.total.rows();
           RowMatX<double> out = RowMatX<double>::Zero(n, 1);
@@ -151,8 +149,7 @@ void Evidence::take_joints(const Model& model, const Stretches& collector, const
       const bool is_known = known(collector.about(i), series_[i], j);
       if (i == 0 && is_known) joints_.push_back(j);
       if (is_known != (std::ranges::find(joints_, j) != joints_.end()))
-        throw DataError(collector.about(i).source + ": diagnose: the torque of " +
-                        names[static_cast<std::size_t>(j)] +
+        throw DataError(collector.about(i).source + ": diagnose: the torque of " + names[j] +
                         " is known in some of the recordings alone; expected recordings that all "
                         "have the torques (or `passive`) of the same joints: leave the column out "
                         "of all of them, or diagnose them one by one");
@@ -171,9 +168,8 @@ void Evidence::take_joints(const Model& model, const Stretches& collector, const
 MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
                                const PreprocessPlan& plan, const Stretches& collector,
                                const std::vector<JointSeries>& series, VecX<double>* torque) {
-  VecX<double> shape(static_cast<long>(layout.shape.size()));
-  for (std::size_t s = 0; s < layout.shape.size(); ++s)
-    shape[static_cast<long>(s)] = layout.shape[s].prior;
+  VecX<double> shape(std::ssize(layout.shape));
+  for (std::size_t s = 0; s < layout.shape.size(); ++s) shape[s] = layout.shape[s].prior;
   RegressionOptions all;
   all.keep_bytes = std::numeric_limits<long>::max() / 2;
   all.rest_speed = 0.0;
@@ -184,9 +180,8 @@ MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
   PreprocessPlan every_sample = plan;
   every_sample.decimator = {.rate_hz = 1.0 / plan.dt};
   TorqueRegression samples(model, layout, every_sample, {layout.prior(), shape}, all);
-  const long p =
-      static_cast<long>(layout.linear.size()) + std::ranges::count_if(layout.shape, is_smoothing);
-  MatX<double> out = MatX<double>::Zero(times() * static_cast<long>(joints_.size()), p);
+  const long p = std::ssize(layout.linear) + std::ranges::count_if(layout.shape, is_smoothing);
+  MatX<double> out = MatX<double>::Zero(times() * std::ssize(joints_), p);
   long row = 0;
   for (std::size_t i = 0; i < series.size(); ++i) {
     const long count = series[i].rows(), of_stretch = count / every_;
@@ -196,7 +191,7 @@ MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
     for (long from = 0; from < count; from += kChunk) {
       samples.add(collector.rows_of(i, series[i], from, std::min(kChunk, count - from)));
       for (std::size_t k = 0; k < joints_.size(); ++k) {
-        const auto now = samples.kept()[static_cast<std::size_t>(joints_[k])].rows();
+        const auto now = samples.kept()[joints_[k]].rows();
         if (from == 0) rows[k].resize(of_stretch, now.cols());
         if (from > 0) filters_[i][k].push(waiting[k], now.row(0).data(), states[k], rows[k]);
         waiting[k] = now;
@@ -205,12 +200,11 @@ MatX<double> Evidence::regress(const Model& model, const FitLayout& layout,
     }
     for (std::size_t k = 0; k < joints_.size(); ++k) {
       filters_[i][k].push(waiting[k], nullptr, states[k], rows[k]);
-      rows[k] *= unit_[static_cast<long>(k)];
+      rows[k] *= unit_[k];
       const long at = static_cast<long>(k) * times() + row;
-      const std::vector<int>& columns =
-          samples.factors()[static_cast<std::size_t>(joints_[k])].columns;
+      const std::vector<int>& columns = samples.factors()[joints_[k]].columns;
       for (std::size_t c = 0; c < columns.size(); ++c)
-        out.col(columns[c]).segment(at, of_stretch) = rows[k].col(static_cast<long>(c));
+        out.col(columns[c]).segment(at, of_stretch) = rows[k].col(c);
       if (torque) torque->segment(at, of_stretch) = rows[k].rightCols(1);
     }
     row += of_stretch;
@@ -227,26 +221,25 @@ void Evidence::take_rows(const Model& model, const Model& links, const FitLayout
           return is_smoothing(s) && s.effect == layout.linear[c].effect;
         }))
       dry_columns_.push_back(static_cast<int>(c));
-  const long m = times(), linear = static_cast<long>(layout.linear.size());
-  torque_.resize(m * static_cast<long>(joints_.size()));
+  const long m = times(), linear = std::ssize(layout.linear);
+  torque_.resize(m * std::ssize(joints_));
   base_ = regress(model, layout, plan, collector, collector.series(), &torque_);
   for (std::size_t k = 0; k < joints_.size(); ++k) {
-    long row = static_cast<long>(k) * m;
+    long row = k * m;
     for (std::size_t i = 0; i < filters_.size(); ++i) {
       const VecX<double> beside = shown(i, k, collector.positions()[i], collector.series()[i].q);
-      torque_.segment(row, filters_[i][k].rows()) +=
-          unit_[static_cast<long>(k)] * filters_[i][k].shown(beside);
+      torque_.segment(row, filters_[i][k].rows()) += unit_[k] * filters_[i][k].shown(beside);
       row += filters_[i][k].rows();
     }
-    JointFactor& f = factors_[static_cast<std::size_t>(joints_[k])];
-    RowMatX<double> rows(m, static_cast<long>(f.columns.size()) + 1);
+    JointFactor& f = factors_[joints_[k]];
+    RowMatX<double> rows(m, std::ssize(f.columns) + 1);
     for (std::size_t c = 0; c < f.columns.size(); ++c)
-      rows.col(static_cast<long>(c)) = base_.col(f.columns[c]).segment(static_cast<long>(k) * m, m);
-    rows.rightCols(1) = torque_.segment(static_cast<long>(k) * m, m);
+      rows.col(c) = base_.col(f.columns[c]).segment(k * m, m);
+    rows.rightCols(1) = torque_.segment(k * m, m);
     f.factor.add(rows);
   }
   const VecX<double> x = with_inertias_of(links, layout), taken = base_.leftCols(linear) * x;
-  for (long k = 0; k < static_cast<long>(joints_.size()); ++k) {
+  for (long k = 0; k < std::ssize(joints_); ++k) {
     const double rows = std::sqrt(static_cast<double>(m));
     size_.push_back((passive(k) ? taken : torque_).segment(k * m, m).norm() / rows);
     scale_.push_back(passive(k) ? (base_.block(k * m, 0, m, linear) * x.asDiagonal()).norm() / rows
@@ -257,7 +250,7 @@ void Evidence::take_rows(const Model& model, const Model& links, const FitLayout
 MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
                                      const VecX<double>& x0) const {
   MatX<double> out = rows;
-  const JointFactor& f = factors_[static_cast<std::size_t>(joints_[static_cast<std::size_t>(k)])];
+  const JointFactor& f = factors_[joints_[k]];
   if (f.inertia.size() == 0 || !has_passive_beside_torques()) return out;
   const double m = f.inertia.dot(x0(f.columns));
   if (!(m > 0.0)) return out;
@@ -269,7 +262,7 @@ MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>
 }
 
 bool Evidence::is_passive(int joint) const {
-  if (driven_rows_.closed()) return !has_torque_[static_cast<std::size_t>(joint)];
+  if (driven_rows_.closed()) return !has_torque_[joint];
   const auto at = std::ranges::find(joints_, joint);
   return at != joints_.end() && passive(at - joints_.begin());
 }
@@ -287,7 +280,7 @@ bool Evidence::has_passive_beside_torques() const {
 }
 
 std::vector<int> Evidence::all_joints() const {
-  std::vector<int> out(static_cast<std::size_t>(num_dofs_));
+  std::vector<int> out(num_dofs_);
   std::iota(out.begin(), out.end(), 0);
   return out;
 }
@@ -302,15 +295,14 @@ JointSeries Evidence::turned(const BoundEffect& friction, const JointSeries& s) 
 void Evidence::retime(const Model& model, const FitLayout& layout,
                       const std::vector<JointSeries>& series, MatX<double>& base) const {
   if (early_.isZero(0.0)) return;
-  long width = static_cast<long>(layout.linear.size());
+  long width = std::ssize(layout.linear);
   for (const FitParameter& shape : layout.shape) {
     if (!is_smoothing(shape)) continue;
     const BoundEffect friction = friction_of(layout, shape);
     std::vector<int> which = {shape.index};
     std::vector<long> to = {width++};
     for (const int c : dry_columns_)
-      if (const FitParameter& p = layout.linear[static_cast<std::size_t>(c)];
-          p.effect == shape.effect)
+      if (const FitParameter& p = layout.linear[c]; p.effect == shape.effect)
         which.push_back(p.index), to.push_back(c);
     std::vector<std::vector<RowMatX<double>>> columns;  // a stretch each
     for (const JointSeries& of : series) {
@@ -321,16 +313,14 @@ void Evidence::retime(const Model& model, const FitLayout& layout,
     for (const long k : reached(friction.joints)) {
       std::vector<RowMatX<double>> stretches;
       for (std::size_t i = 0; i < series.size(); ++i)
-        stretches.push_back(
-            driven_rows_.at(i, joints_[static_cast<std::size_t>(k)], friction.joints, [&](int j) {
-              RowMatX<double> own(series[i].rows(), std::ssize(which));
-              for (long c = 0; c < own.cols(); ++c)
-                own.col(c) = columns[i][static_cast<std::size_t>(c)].col(j);
-              return own;
-            }));
+        stretches.push_back(driven_rows_.at(i, joints_[k], friction.joints, [&](int j) {
+          RowMatX<double> own(series[i].rows(), std::ssize(which));
+          for (long c = 0; c < own.cols(); ++c) own.col(c) = columns[i][c].col(j);
+          return own;
+        }));
       const MatX<double> rows = rows_of(k, stretches);
       for (std::size_t c = 0; c < to.size(); ++c)
-        base.col(to[c]).segment(k * times(), times()) = rows.col(static_cast<long>(c));
+        base.col(to[c]).segment(k * times(), times()) = rows.col(c);
     }
   }
 }
@@ -347,13 +337,11 @@ MatX<double> Evidence::turns(const FitLayout& layout) const {
       for (std::size_t i = 0; i < series_.size(); ++i) {
         const JointSeries s = turned(friction, series_[i]);
         const auto columns = turn_columns(friction, shape.index, reference(s), s);
-        stretches.push_back(
-            driven_rows_.at(i, joints_[static_cast<std::size_t>(k)], friction.joints, [&](int j) {
-              RowMatX<double> own(s.rows(), kTurnColumns);
-              for (int c = 0; c < kTurnColumns; ++c)
-                own.col(c) = columns[static_cast<std::size_t>(c)].col(j);
-              return own;
-            }));
+        stretches.push_back(driven_rows_.at(i, joints_[k], friction.joints, [&](int j) {
+          RowMatX<double> own(s.rows(), kTurnColumns);
+          for (int c = 0; c < kTurnColumns; ++c) own.col(c) = columns[c].col(j);
+          return own;
+        }));
       }
       out.block(k * times(), out.cols() - kTurnColumns, times(), kTurnColumns) =
           rows_of(k, stretches);
@@ -403,7 +391,7 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
         of_k.push_back(driven_rows_.at(i, joints_[k], all, [&](int j) -> RowMatX<double> {
           return stretches[i].middleCols(j * p, p);
         }));
-      now.middleRows(static_cast<long>(k) * m, m) = rows_of(static_cast<long>(k), of_k);
+      now.middleRows(k * m, m) = rows_of(k, of_k);
     }
   }
   const MatX<double> change = tilted_.size() > 0 ? MatX<double>(now - tilted_) : now;

@@ -56,7 +56,7 @@ class Evidence {
 
   long rows() const { return torque_.size(); }
   /// Rows of one joint; the same instants for all.
-  long times() const { return static_cast<long>(time_.size()); }
+  long times() const { return std::ssize(time_); }
   /// Degrees of freedom that have rows, ascending: those whose torque is known.
   const std::vector<int>& joints() const { return joints_; }
   /// Torques that reach their rows.
@@ -68,17 +68,17 @@ class Evidence {
   const VecX<double>& torque() const { return torque_; }
   /// RMS torque of the k-th of joints(); of a passive one, what its links take, by those that the
   /// rows are linear about.
-  double size(long k) const { return size_[static_cast<std::size_t>(k)]; }
+  double size(long k) const { return size_[k]; }
   /// The same, but of a passive one, at which torques cancel, the root of their sum of squares: the
   /// base's columns one by one.
-  double scale(long k) const { return scale_[static_cast<std::size_t>(k)]; }
+  double scale(long k) const { return scale_[k]; }
   /// Rows of base() of the k-th of joints(); of a passive one as those of M_jj(x₀)/M_jj(x) times
   /// what is left, linear about x₀ (JointFactor::inertia).
   MatX<double> without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
                              const VecX<double>& x0) const;
   bool has_passive_beside_torques() const;
   /// Whether nothing drives the k-th of joints(): its torque is 0, or a ball's pull.
-  bool passive(long k) const { return passive_[static_cast<std::size_t>(k)]; }
+  bool passive(long k) const { return passive_[k]; }
   /// Tells whether a degree of freedom has rows that nothing drives, or moves by constraints alone.
   bool is_passive(int joint) const;
   /// Tells whether a row of the k-th of joints() still hangs on how its stretch begins.
@@ -123,21 +123,17 @@ class Evidence {
   /// holds them.
   const std::vector<int>& resting() const { return resting_; }
   /// Frequency up to which the path or the rows of the k-th of joints() hold something [Hz].
-  double cut_off(long k) const { return cut_off_[static_cast<std::size_t>(k)]; }
+  double cut_off(long k) const { return cut_off_[k]; }
   /// Noise that the signals give a row of the k-th of joints() [N·m] or [N].
   double signal_noise(long k) const { return unit_[k]; }
   /// How often the k-th of joints() turns back [1/s].
-  double turns_per_second(long k) const { return turns_per_second_[static_cast<std::size_t>(k)]; }
+  double turns_per_second(long k) const { return turns_per_second_[k]; }
   /// Positions, velocities, accelerations that go with rows of the k-th of joints(), (times(),
   /// num_dofs()): weighed means of the past, as the rows are.
   ///@{
-  auto q(long k) const { return states_[static_cast<std::size_t>(k)].leftCols(num_dofs_); }
-  auto qd(long k) const {
-    return states_[static_cast<std::size_t>(k)].middleCols(num_dofs_, num_dofs_);
-  }
-  auto qdd(long k) const {
-    return states_[static_cast<std::size_t>(k)].middleCols(2 * num_dofs_, num_dofs_);
-  }
+  auto q(long k) const { return states_[k].leftCols(num_dofs_); }
+  auto qd(long k) const { return states_[k].middleCols(num_dofs_, num_dofs_); }
+  auto qdd(long k) const { return states_[k].middleCols(2 * num_dofs_, num_dofs_); }
   ///@}
   /// Step between instants of one stretch [s].
   double step() const { return step_; }

@@ -22,7 +22,7 @@ MatX<double> Evidence::rows_of(
 
 void Evidence::evaluate(const TriedEffect& effect) {
   const TriedEffect::Own& own = *effect.own;
-  const long width = static_cast<long>(own.parameters.size());
+  const long width = std::ssize(own.parameters);
   std::vector<RowMatX<double>> stretches;
   for (const JointSeries& s : series_) {
     stretches.push_back(own.columns(s));
@@ -35,8 +35,7 @@ void Evidence::evaluate(const TriedEffect& effect) {
                       "): a row for each instant, a column for each parameter");
     for (long k = 0; k < width; ++k)
       if (!c.col(k).allFinite())
-        throw DataError(what + "the column of '" +
-                        own.parameters[static_cast<std::size_t>(k)].name +
+        throw DataError(what + "the column of '" + own.parameters[k].name +
                         "' holds NaN or infinity; expected finite torques at every instant");
   }
   const long m = times();
@@ -44,8 +43,8 @@ void Evidence::evaluate(const TriedEffect& effect) {
   for (const long k : reached(effect.joints)) {
     std::vector<RowMatX<double>> of_k;
     for (std::size_t i = 0; i < stretches.size(); ++i)
-      of_k.push_back(driven_rows_.at(i, joints_[static_cast<std::size_t>(k)], effect.joints,
-                                     [&](int) { return stretches[i]; }));
+      of_k.push_back(
+          driven_rows_.at(i, joints_[k], effect.joints, [&](int) { return stretches[i]; }));
     all.middleRows(k * m, m) = rows_of(k, of_k);
   }
   own_[{own.name, own.where}] = std::move(all);
@@ -53,7 +52,7 @@ void Evidence::evaluate(const TriedEffect& effect) {
 
 MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>& which,
                                VecX<double>* torque) const {
-  const long m = times(), width = static_cast<long>(which.size());
+  const long m = times(), width = std::ssize(which);
   MatX<double> out = MatX<double>::Zero(rows(), width);
   if (torque) *torque = VecX<double>::Zero(rows());
   if (effect.own) {
@@ -68,9 +67,9 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
     std::erase(own, effect.told);
     VecX<double> at;
     const MatX<double> of_own = columns(whole, own, &at);
-    const double share = effect.parameters[static_cast<std::size_t>(effect.told)];
+    const double share = effect.parameters[effect.told];
     for (long w = 0, next = 0; w < width; ++w)
-      if (which[static_cast<std::size_t>(w)] == effect.told)
+      if (which[w] == effect.told)
         out.col(w) = at;
       else
         out.col(w) = share * of_own.col(next++);
@@ -95,12 +94,11 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
         effect, reference(s), s, effect.parameters.data(), which, torque ? &at : nullptr);
     if (torque) c.push_back(std::move(at));
     for (std::size_t r = 0; r < reached.size(); ++r)
-      stretches[r].push_back(
-          driven_rows_.at(i, joints_[static_cast<std::size_t>(reached[r])], from, [&](int j) {
-            RowMatX<double> block(s.q.rows(), all);
-            for (long w = 0; w < all; ++w) block.col(w) = c[static_cast<std::size_t>(w)].col(j);
-            return block;
-          }));
+      stretches[r].push_back(driven_rows_.at(i, joints_[reached[r]], from, [&](int j) {
+        RowMatX<double> block(s.q.rows(), all);
+        for (long w = 0; w < all; ++w) block.col(w) = c[w].col(j);
+        return block;
+      }));
   }
   for (std::size_t r = 0; r < reached.size(); ++r) {
     const MatX<double> of = rows_of(reached[r], stretches[r]);
@@ -138,16 +136,16 @@ void Evidence::ripples(int joint, double first, double step, int count,
     for (std::size_t r = 0; r < reached.size(); ++r) {
       std::vector<RowMatX<double>> of_row;
       for (std::size_t i = 0; i < stretches.size(); ++i)
-        of_row.push_back(driven_rows_.at(i, joints_[static_cast<std::size_t>(reached[r])], {joint},
-                                         [&](int) { return stretches[i]; }));
-      out.middleRows(static_cast<long>(r) * m, m) = rows_of(reached[r], of_row);
+        of_row.push_back(
+            driven_rows_.at(i, joints_[reached[r]], {joint}, [&](int) { return stretches[i]; }));
+      out.middleRows(r * m, m) = rows_of(reached[r], of_row);
     }
     visit(k, std::move(out));
   }
 }
 
 MatX<double> Evidence::curvature(long k) const {
-  const int j = joints_[static_cast<std::size_t>(k)];
+  const int j = joints_[k];
   return rows_of(k, [j](const JointSeries& s) {
     RowMatX<double> out(s.rows(), 2);
     out.col(0) = derivative(derivative(s.total.col(j), s.dt), s.dt);
@@ -168,8 +166,7 @@ VecX<double> Evidence::torque_of(const TriedEffect& effect) const {
     std::vector<int> all(effect.parameters.size());
     std::iota(all.begin(), all.end(), 0);
     return columns(effect, all) *
-           Eigen::Map<const VecX<double>>(effect.parameters.data(),
-                                          static_cast<long>(effect.parameters.size()));
+           Eigen::Map<const VecX<double>>(effect.parameters.data(), std::ssize(effect.parameters));
   }
   VecX<double> out;
   columns(effect, {}, &out);

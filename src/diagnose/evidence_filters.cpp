@@ -29,7 +29,7 @@ VecX<double> torque_squares(const Tree<double>& tree, const JointSeries& s,
   for (long i = 0; i < s.rows(); ++i) {
     VecX<double> gravity;
     for (long j = 0; j < n; ++j) {
-      if (driven[static_cast<std::size_t>(j)]) {
+      if (driven[j]) {
         out[j] += s.logged(i, j) * s.logged(i, j);
         continue;
       }
@@ -71,7 +71,7 @@ void Evidence::take_filters(const Model& links, const PreprocessPlan& plan,
   const std::vector<JointSeries>& own = collector.series();
   std::vector<bool> driven;
   for (int j = 0; j < num_dofs_; ++j) driven.push_back(collector.about(0).has_tau[j]);
-  for (const int j : joints_) passive_.push_back(!driven[static_cast<std::size_t>(j)]);
+  for (const int j : joints_) passive_.push_back(!driven[j]);
   std::map<int, Tree<double>> trees;
   VecX<double> squares = VecX<double>::Zero(num_dofs_);
   double samples = 0.0;
@@ -116,25 +116,24 @@ void Evidence::take_filters(const Model& links, const PreprocessPlan& plan,
     row += of.front().rows();
     filters_.push_back(std::move(of));
   }
-  unit_.resize(static_cast<long>(joints_.size()));
+  unit_.resize(std::ssize(joints_));
   for (std::size_t k = 0; k < joints_.size(); ++k) {
-    unit_[static_cast<long>(k)] = 1.0 / median(settled[k]);
-    constant_[k] *= unit_[static_cast<long>(k)];
+    unit_[k] = 1.0 / median(settled[k]);
+    constant_[k] *= unit_[k];
   }
 }
 
 bool Evidence::begins(long instant, long k) const {
-  const std::size_t stretch = static_cast<std::size_t>(stretch_[static_cast<std::size_t>(instant)]);
+  const std::size_t stretch = static_cast<std::size_t>(stretch_[instant]);
   const auto first = std::ranges::lower_bound(stretch_, static_cast<int>(stretch));
-  return instant - (first - stretch_.begin()) <
-         filters_[stretch][static_cast<std::size_t>(k)].settled();
+  return instant - (first - stretch_.begin()) < filters_[stretch][k].settled();
 }
 
 MatX<double> Evidence::rows_of(long k, const std::vector<RowMatX<double>>& stretches) const {
   MatX<double> out(times(), stretches.empty() ? 0 : stretches[0].cols());
   long row = 0;
   for (std::size_t i = 0; i < stretches.size(); ++i) {
-    const TorqueFilter& filter = filters_[i][static_cast<std::size_t>(k)];
+    const TorqueFilter& filter = filters_[i][k];
     out.middleRows(row, filter.rows()) = unit_[k] * filter(stretches[i]);
     row += filter.rows();
   }
@@ -143,7 +142,7 @@ MatX<double> Evidence::rows_of(long k, const std::vector<RowMatX<double>>& stret
 
 MatX<double> Evidence::means_of(long k, const std::vector<RowMatX<double>>& stretches) const {
   MatX<double> out = rows_of(k, stretches);
-  const MatX<double>& weight = constant_[static_cast<std::size_t>(k)];
+  const MatX<double>& weight = constant_[k];
   long row = 0;
   for (std::size_t i = 0; i < stretches.size(); ++i)
     for (long m = 0; m < stretches[i].rows() / every_; ++m, ++row)

@@ -30,7 +30,7 @@ StuckRows Evidence::stuck_at(int j, Turns what, const PreprocessPlan& plan,
                              const std::vector<RowMatX<double>>& positions) const {
   std::vector<VecX<double>> q;
   for (const RowMatX<double>& stretch : positions) q.emplace_back(stretch.col(j));
-  const double noise = plan.q_noise[static_cast<std::size_t>(j)];
+  const double noise = plan.q_noise[j];
   return stuck_rows(q, standstill(noise, speed_[j], acceleration_[j], plan), what);
 }
 
@@ -79,11 +79,11 @@ void Evidence::take_motion(const PreprocessPlan& plan,
     const auto at = stuck_.find(joints_[k]);
     if (at == stuck_.end() || !at->second.everywhere) continue;
     const auto column = [&](long c) {
-      return !base_.col(c).segment(static_cast<long>(k) * times(), times()).isZero(0.0);
+      return !base_.col(c).segment(k * times(), times()).isZero(0.0);
     };
     long columns = 0;
     for (long c = 0; c < base_.cols(); ++c) columns += column(c);
-    if (rows_between(static_cast<long>(k)) >= kRowsAColumn * columns) continue;
+    if (rows_between(k) >= kRowsAColumn * columns) continue;
     at->second = stuck_at(at->first, Turns::kKept, plan, positions);
     again = true;
   }
@@ -105,8 +105,7 @@ void Evidence::take_events(const PreprocessPlan& plan,
   for (long j = 0; j < logged; ++j) {
     std::vector<VecX<double>> q;
     for (const RowMatX<double>& stretch : positions) q.emplace_back(stretch.col(j));
-    const auto rows = detail::jerky_ends(q, 1.0 / plan.dt, plan.filter_hz,
-                                         plan.q_noise[static_cast<std::size_t>(j)]);
+    const auto rows = detail::jerky_ends(q, 1.0 / plan.dt, plan.filter_hz, plan.q_noise[j]);
     for (std::size_t i = 0; i < rows.size(); ++i)
       for (std::size_t at = 0; at < rows[i].size(); ++at)
         if (rows[i][at]) events_[i][at] = true;
@@ -116,8 +115,7 @@ void Evidence::take_events(const PreprocessPlan& plan,
 long Evidence::rows_between(long k) const {
   long out = 0, since = 0;
   for (long i = 0; i < times(); ++i) {
-    const bool follows =
-        i > 0 && stretch_[static_cast<std::size_t>(i)] == stretch_[static_cast<std::size_t>(i - 1)];
+    const bool follows = i > 0 && stretch_[i] == stretch_[i - 1];
     since = sticks(i, k) ? 0 : follows ? since + 1 : 1;
     out += since > kNoiseOrder && !rests(i, k);
   }
@@ -127,10 +125,10 @@ long Evidence::rows_between(long k) const {
 void Evidence::take_states() {
   const long n = num_dofs_;
   states_.clear();
-  rests_.resize(times(), static_cast<long>(joints_.size()));
-  sticks_.resize(times(), static_cast<long>(joints_.size()));
-  for (long k = 0; k < static_cast<long>(joints_.size()); ++k) {
-    const int j = joints_[static_cast<std::size_t>(k)];
+  rests_.resize(times(), std::ssize(joints_));
+  sticks_.resize(times(), std::ssize(joints_));
+  for (long k = 0; k < std::ssize(joints_); ++k) {
+    const int j = joints_[k];
     std::vector<RowMatX<double>> of_k;  // [q | q̇ | q̈ | rests | sticks]
     for (std::size_t i = 0; i < series_.size(); ++i) {
       const JointSeries& s = series_[i];
@@ -140,11 +138,10 @@ void Evidence::take_states() {
           VecX<double>::Zero(s.q.rows());
       if (stuck_.contains(j)) {
         const std::vector<bool>& rows = stuck_.at(j).rows[i];
-        for (std::size_t at = 0; at < rows.size(); ++at)
-          state(static_cast<long>(at), 3 * n + 1) = rows[at];
+        for (std::size_t at = 0; at < rows.size(); ++at) state(at, 3 * n + 1) = rows[at];
       }
       for (std::size_t at = 0; at < events_[i].size(); ++at)
-        if (events_[i][at]) state(static_cast<long>(at), 3 * n + 1) = 1.0;
+        if (events_[i][at]) state(at, 3 * n + 1) = 1.0;
       of_k.push_back(std::move(state));
     }
     const MatX<double> means = means_of(k, of_k);

@@ -21,7 +21,7 @@ constexpr double kSeen = 0.3;   ///< of the rows' rate: faster harmonics do not 
 std::unique_ptr<RecordingSource> source(const ExperimentContext& c, const Trajectory& t) {
   Recording r = imaginary_recording(t);
   for (const int j : c.joints) {  // what matters is that there is one
-    r.has_tau[static_cast<std::size_t>(j)] = true;
+    r.has_tau[j] = true;
     r.tau.col(j).setOnes();
   }
   r.info.torque_side = c.link_side ? TorqueSide::kLink : TorqueSide::kMotor;
@@ -126,7 +126,7 @@ double ExperimentTrial::least(const VecX<double>& g, const Candidate& rival) con
   for (std::size_t p = 0; p < std::min(rival.grid.size(), kMostStarts); ++p) {
     const std::size_t spread =  // over the whole grid
         rival.grid.size() <= kMostStarts ? p : p * rival.grid.size() / kMostStarts;
-    for (const int k : rival.linear) effect.parameters[static_cast<std::size_t>(k)] = 0.0;
+    for (const int k : rival.linear) effect.parameters[k] = 0.0;
     rival.set(rival.grid[spread], effect);
     TriedEffect moved = effect;
     const double now = step(g, rival, rival.linear, moved,
@@ -161,7 +161,7 @@ double ExperimentTrial::step(const VecX<double>& g, const Candidate& rival,
     for (std::size_t i = 0; i < which.size(); ++i) {
       const std::size_t k = static_cast<std::size_t>(which[i]);
       const ParameterInfo& info = effect.parameter_info[k];
-      const double m = part * move[static_cast<long>(i)];
+      const double m = part * move[i];
       double& p = moved.parameters[k];
       if (scale(info) == Scale::kLog)
         p *= std::exp(std::clamp(m, -1.0, 1.0));
@@ -170,9 +170,8 @@ double ExperimentTrial::step(const VecX<double>& g, const Candidate& rival,
       if (info.sign != Sign::kFree) p = std::max(p, 0.0);
     }
     for (std::size_t s = 0; s < rival.shapes.size(); ++s)
-      moved.parameters[static_cast<std::size_t>(rival.shapes[s])] =
-          std::clamp(moved.parameters[static_cast<std::size_t>(rival.shapes[s])],
-                     rival.shape_low[s], rival.shape_high[s]);
+      moved.parameters[rival.shapes[s]] =
+          std::clamp(moved.parameters[rival.shapes[s]], rival.shape_low[s], rival.shape_high[s]);
     const double next = (g - VecX<double>(beside(evidence_.torque_of(moved)))).squaredNorm();
     if (!(next < now)) continue;
     effect = moved;

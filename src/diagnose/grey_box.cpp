@@ -18,9 +18,9 @@ constexpr int kDrawn = 41, kDrawnOfPair = 25;
 
 /// Values of a table's variables that go with rows of the k-th joint, (times(), variables).
 MatX<double> states(const Evidence& e, long of, const Axes& axes) {
-  MatX<double> out(e.times(), static_cast<long>(axes.size()));
+  MatX<double> out(e.times(), std::ssize(axes));
   for (std::size_t k = 0; k < axes.size(); ++k)
-    out.col(static_cast<long>(k)) = axes[k].velocity ? e.qd(of).col(axes[k].joint) : e.q(of).col(axes[k].joint);
+    out.col(k) = axes[k].velocity ? e.qd(of).col(axes[k].joint) : e.q(of).col(axes[k].joint);
   return out;
 }
 
@@ -56,16 +56,13 @@ void draw(const Residual& residual, const MatX<double>& root, GreyBox& box) {
     for (int i = 0; i < count; ++i) box.at.back().push_back(low + (high - low) * i / (count - 1));
   }
   const long points = n == 1 ? count : count * count;
-  MatX<double> x(points, static_cast<long>(n));
+  MatX<double> x(points, n);
   for (long i = 0; i < points; ++i)
     for (std::size_t k = 0; k < n; ++k)
-      x(i, static_cast<long>(k)) = box.at[k][static_cast<std::size_t>(n == 1   ? i
-                                                                      : k == 0 ? i / count
-                                                                               : i % count)];
+      x(i, k) = box.at[k][n == 1 ? i : k == 0 ? i / count : i % count];
   const MatX<double> B = bumps(table, x);
   const VecX<double> torque =
-      B *
-      Eigen::Map<const VecX<double>>(table.weights.data(), static_cast<long>(table.weights.size()));
+      B * Eigen::Map<const VecX<double>>(table.weights.data(), std::ssize(table.weights));
   const VecX<double> std = (B * root).rowwise().norm();
   for (long i = 0; i < points; ++i) {
     box.torque.push_back(std::clamp(torque[i], -table.bound, table.bound));
@@ -104,9 +101,9 @@ class Trial {
     // Widths are chosen on decimated rows; the fit itself sees the recording's rate.
     const BumpWeights fit =
         rows.fit(evidence_.rows_of(joint, [&](const JointSeries& s) -> RowMatX<double> {
-          MatX<double> of(s.rows(), static_cast<long>(axes.size()));
+          MatX<double> of(s.rows(), std::ssize(axes));
           for (std::size_t k = 0; k < axes.size(); ++k)
-            of.col(static_cast<long>(k)) = (axes[k].velocity ? s.qd : s.q).col(axes[k].joint);
+            of.col(k) = (axes[k].velocity ? s.qd : s.q).col(axes[k].joint);
           return bumps(table, of);
         }));
     if (fit.weights.size() == 0) return std::nullopt;
@@ -115,7 +112,7 @@ class Trial {
     table.bound = most_seen(evidence_, Residual::from(table, names_, "diagnose"));
 
     Remainder out;
-    const std::string& where = names_[static_cast<std::size_t>(dof)];
+    const std::string& where = names_[dof];
     static_cast<BoundEffect&>(out.effect) = bind({Residual::info().name, where, {}, table}, model_);
     GreyBox& box = out.description;
     box.where = where;
@@ -157,9 +154,8 @@ class Trial {
   }
 
   std::string unit_of(int dof, const char* revolute, const char* prismatic) const {
-    const int link = moving_links(model_)[static_cast<std::size_t>(dof)];
-    return model_.links[static_cast<std::size_t>(link)].type == ModelJoint::kPrismatic ? prismatic
-                                                                                       : revolute;
+    const int link = moving_links(model_)[dof];
+    return model_.links[link].type == ModelJoint::kPrismatic ? prismatic : revolute;
   }
 
   void hold_out(int dof, const VecX<double>& torque, const BesideTerms& beside,
@@ -180,7 +176,7 @@ class Trial {
     const long begin = index_of(test, dof) * test.times();
     double count = 0.0;
     for (long row = begin; row < begin + test.times(); ++row) {
-      if (!held_out_.used().empty() && !held_out_.used()[static_cast<std::size_t>(row)]) continue;
+      if (!held_out_.used().empty() && !held_out_.used()[row]) continue;
       box.before += without[row] * without[row];
       box.after += with[row] * with[row];
       box.torque_rms += on_test[row] * on_test[row];
@@ -212,18 +208,18 @@ std::vector<Try> tries(const Model& model, const Evidence& evidence,
   for (const WitnessScore& w : witness)
     if (std::ranges::none_of(w.variables, is_time)) out.push_back({w.joint, w.variables});
   for (const int j : evidence.joints()) {
-    const std::string& name = names[static_cast<std::size_t>(j)];
+    const std::string& name = names[j];
     if (std::ranges::find(out, j, &Try::joint) == out.end())
       out.push_back({j, {"q_" + name, "qd_" + name}});
   }
   // The base holds one already: a second look at the same joint would be one too many.
   std::erase_if(out, [&](const Try& t) {
-    return t.joint < base || std::ranges::any_of(
-                                 model.effects,
-                                 [&](const EffectSpec& e) {
-                                   return e.effect == Residual::info().name &&
-                                          e.where == names[static_cast<std::size_t>(t.joint)];
-                                 });
+    return t.joint < base ||
+           std::ranges::any_of(
+               model.effects,
+               [&](const EffectSpec& e) {
+                 return e.effect == Residual::info().name && e.where == names[t.joint];
+               });
   });
   return out;
 }

@@ -21,8 +21,7 @@ constexpr double kShared = 0.25;
 constexpr double kRounding = 1e-12;
 
 int refresh_of(const PreprocessPlan& plan, long j) {
-  return static_cast<std::size_t>(j) < plan.refresh.size() ? plan.refresh[static_cast<std::size_t>(j)]
-                                                           : 1;
+  return static_cast<std::size_t>(j) < plan.refresh.size() ? plan.refresh[j] : 1;
 }
 
 /// Rows at which a sensor has shown something new, or the same once more.
@@ -41,7 +40,7 @@ std::vector<long> new_rows(const VecX<double>& y, int refresh) {
 /// larger are of the same kind.
 double shared_rounding(const PreprocessPlan& plan, const std::vector<RowMatX<double>>& positions,
                        int joint) {
-  const double step = 1.01 * plan.q_step[static_cast<std::size_t>(joint)];
+  const double step = 1.01 * plan.q_step[joint];
   const int refresh = refresh_of(plan, joint);
   const double hz = std::min(plan.filter_hz, 1.0 / (kRateOfHalf * 2.0 * refresh * plan.dt));
   const detail::PathSmoother smoother(hz, 1.0 / plan.dt);
@@ -99,7 +98,7 @@ std::vector<int> joints_alike(const PreprocessPlan& plan,
   constexpr double kDithered = 1.0 / 3.0;
   std::vector<int> out;
   if (!halves_suffice(plan)) {
-    out.resize(static_cast<std::size_t>(positions.front().cols()));
+    out.resize(positions.front().cols());
     std::iota(out.begin(), out.end(), 0);
     return out;
   }

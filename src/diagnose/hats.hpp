@@ -16,8 +16,8 @@ inline std::vector<double> knots(const VecX<double>& x, int count) {
   std::ranges::sort(sorted);
   std::vector<double> out;
   for (int k = 0; k < count; ++k) {
-    const double v = sorted[static_cast<std::size_t>(std::lround(
-        static_cast<double>(k) / (count - 1) * static_cast<double>(sorted.size() - 1)))];
+    const double v = sorted[std::lround(static_cast<double>(k) / (count - 1) *
+                                        static_cast<double>(sorted.size() - 1))];
     if (out.empty() || v > out.back() + 1e-12 * (1.0 + std::abs(v))) out.push_back(v);
   }
   return out;
@@ -25,17 +25,16 @@ inline std::vector<double> knots(const VecX<double>& x, int count) {
 
 /// Piecewise-linear hats on the knots, constant beyond them. (N, knots)
 inline MatX<double> hats(const VecX<double>& x, const std::vector<double>& t) {
-  MatX<double> out = MatX<double>::Zero(x.size(), static_cast<long>(t.size()));
+  MatX<double> out = MatX<double>::Zero(x.size(), std::ssize(t));
   for (long i = 0; i < x.size(); ++i) {
     const auto above = std::ranges::upper_bound(t, x[i]);
     const long k = above - t.begin();
     if (k == 0) {
       out(i, 0) = 1.0;
-    } else if (k == static_cast<long>(t.size())) {
+    } else if (k == std::ssize(t)) {
       out(i, k - 1) = 1.0;
     } else {
-      const double w = (x[i] - t[static_cast<std::size_t>(k - 1)]) /
-                       (t[static_cast<std::size_t>(k)] - t[static_cast<std::size_t>(k - 1)]);
+      const double w = (x[i] - t[k - 1]) / (t[k] - t[k - 1]);
       out(i, k) = w;
       out(i, k - 1) = 1.0 - w;
     }

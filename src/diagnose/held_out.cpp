@@ -54,7 +54,7 @@ constexpr double kOfParameter = 2.0;
 void take_flights(const Evidence& e, const VecX<double>& flights, Prediction& out) {
   const long m = e.times(), block = block_of(e, m);
   for (long first = 0, end = 0; first < m; first = end) {
-    const auto stretch = [&](long i) { return e.stretch()[static_cast<std::size_t>(i)]; };
+    const auto stretch = [&](long i) { return e.stretch()[i]; };
     while (end < m && end < first + block && stretch(end) == stretch(first)) ++end;
     double square = 0.0, product = 0.0;
     for (long row = first; row < out.left.size(); row += m) {
@@ -93,8 +93,7 @@ void require_blocks(const Evidence& test, const std::vector<Recording>& sample) 
 }
 
 VecX<double> HeldOut::errors(const Search& search, const std::vector<Term>& terms) const {
-  return errors_with(search, terms,
-                     VecX<double>::Zero(static_cast<long>(search.whitener().kept().size())),
+  return errors_with(search, terms, VecX<double>::Zero(std::ssize(search.whitener().kept())),
                      VecX<double>::Zero(evidence_.rows()));
 }
 
@@ -105,13 +104,10 @@ void HeldOut::take_means(int joint, VecX<double>& errors) const {
   const long k = at - evidence_.joints().begin();
   const MatX<double> one = evidence_.rows_of(
       k, [](const JointSeries& s) { return RowMatX<double>::Ones(s.rows(), 1).eval(); });
-  const auto run_of = [&](long i) {
-    return evidence_.series()[static_cast<std::size_t>(evidence_.stretch()[static_cast<std::size_t>(i)])]
-        .run;
-  };
+  const auto run_of = [&](long i) { return evidence_.series()[evidence_.stretch()[i]].run; };
   std::map<int, std::pair<double, double>> runs;  // products with the error, and of itself
   for (long i = 0; i < m; ++i) {
-    if (!used_.empty() && !used_[static_cast<std::size_t>(k * m + i)]) continue;
+    if (!used_.empty() && !used_[k * m + i]) continue;
     if (evidence_.rests(i, k)) continue;
     auto& [error, square] = runs[run_of(i)];
     error += one(i, 0) * errors[k * m + i];
@@ -145,7 +141,7 @@ VecX<double> HeldOut::whitened(const Search& search, const VecX<double>& errors)
 const HeldOut::Known& HeldOut::known(const Search& search) const {
   if (known_.revision == search.revision()) return known_;
   const BasePrior& prior = search.projection().prior();
-  const long n = evidence_.rows(), m = evidence_.times(), p = static_cast<long>(prior.free.size());
+  const long n = evidence_.rows(), m = evidence_.times(), p = std::ssize(prior.free);
   MatX<double> rows(n, p);
   for (long k = 0; k < n / m; ++k)
     rows.middleRows(k * m, m) = evidence_.without_scale(
@@ -167,8 +163,7 @@ Prediction HeldOut::predicted(const Search& search, const std::vector<Term>& ter
   for (const Term& t : terms) {
     if (t.effect.told < 0) continue;
     TriedEffect whole = t.effect;
-    const double fitted =
-        std::exchange(whole.parameters[static_cast<std::size_t>(t.effect.told)], 1.0);
+    const double fitted = std::exchange(whole.parameters[t.effect.told], 1.0);
     const VecX<double> flights = predicted(search, evidence_.torque_of(whole)).left;
     out.left += fitted * flights;
     take_flights(evidence_, flights, out);
@@ -236,8 +231,8 @@ std::vector<HeldOutOffset> HeldOut::offsets(const VecX<double>& errors) const {
       double in_block = 0.0, n = 0.0;
       for (long i = begin; i < std::min(begin + block, m); ++i) {
         const long row = static_cast<long>(k) * m + i;
-        if (!used_.empty() && !used_[static_cast<std::size_t>(row)]) continue;
-        if (evidence_.rests(i, static_cast<long>(k))) continue;
+        if (!used_.empty() && !used_[row]) continue;
+        if (evidence_.rests(i, k)) continue;
         in_block += errors[row];
         square += errors[row] * errors[row];
         n += 1.0;
@@ -274,9 +269,8 @@ HeldOutChange HeldOut::compare(const Prediction& without, const Prediction& with
   for (long i = 0; i < m;) {
     double s = 0.0, d = 0.0;
     long count = 0, of_block = 0;
-    const int stretch = evidence_.stretch()[static_cast<std::size_t>(i)];
-    for (; i < m && count < block && evidence_.stretch()[static_cast<std::size_t>(i)] == stretch;
-         ++i, ++count)
+    const int stretch = evidence_.stretch()[i];
+    for (; i < m && count < block && evidence_.stretch()[i] == stretch; ++i, ++count)
       for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
         const long row = static_cast<long>(k) * m + i;
         s += before[row] * before[row];

@@ -33,8 +33,7 @@ std::vector<Span> held_out_spans(const Evidence& evidence, const std::vector<boo
     const std::size_t at = static_cast<std::size_t>(i);
     const int stretch = held[at] ? evidence.stretch()[at] : -1;
     if (stretch >= 0 && stretch != of)
-      out.push_back({evidence.series()[static_cast<std::size_t>(stretch)].run, evidence.time()[at],
-                     evidence.time()[at]});
+      out.push_back({evidence.series()[stretch].run, evidence.time()[at], evidence.time()[at]});
     if (stretch >= 0) out.back().last = evidence.time()[at];
     of = stretch;
   }
@@ -55,7 +54,7 @@ Recording with_torques(const Recording& r) {
   for (long i = 0; i < r.rows(); ++i) {
     bool lacks = false;
     for (long j = 0; j < r.tau.cols(); ++j)
-      lacks = lacks || (r.has_tau[static_cast<std::size_t>(j)] && std::isnan(r.tau(i, j)));
+      lacks = lacks || (r.has_tau[j] && std::isnan(r.tau(i, j)));
     if (!lacks) rows.push_back(i);
   }
   if (std::ssize(rows) == r.rows()) return r;
@@ -92,8 +91,7 @@ std::vector<bool> passive_joints(const Recording& r) {
 /// First joint that moves by what nobody has recorded; empty if there is none.
 std::string prescribed_joint(const Recording& r, const std::vector<bool>& passive) {
   for (std::size_t j = 0; j < passive.size(); ++j)
-    if (!passive[j] && !r.has_tau[j] && r.tau.col(static_cast<long>(j)).array().isNaN().all())
-      return r.joint_names[j];
+    if (!passive[j] && !r.has_tau[j] && r.tau.col(j).array().isNaN().all()) return r.joint_names[j];
   return "";
 }
 
@@ -106,14 +104,13 @@ std::map<int, std::vector<int>> resting_joints(const std::vector<MotionStretch>&
     auto& joints = of_run[s.run];
     joints.resize(passive.size());
     for (std::size_t j = 0; j < passive.size(); ++j)
-      std::ranges::copy_if(s.q.col(static_cast<long>(j)), std::back_inserter(joints[j]),
+      std::ranges::copy_if(s.q.col(j), std::back_inserter(joints[j]),
                            [](double q) { return !std::isnan(q); });
   }
   std::map<int, std::vector<int>> out;
   for (const auto& [run, joints] : of_run)
     for (std::size_t j = 0; j < joints.size(); ++j)
-      if (!passive[j] && !joints[j].empty() &&
-          stands_all_along(joints[j], noise.position[static_cast<long>(j)]))
+      if (!passive[j] && !joints[j].empty() && stands_all_along(joints[j], noise.position[j]))
         out[run].push_back(static_cast<int>(j));
   return out;
 }
@@ -135,7 +132,7 @@ MotionStretch thinned(const MotionStretch& s, std::size_t every) {
   std::vector<long> kept;
   for (std::size_t k = 0; k < m; k += every) kept.push_back(static_cast<long>(k));
   if (kept.back() != static_cast<long>(m) - 1) kept.push_back(static_cast<long>(m) - 1);
-  for (const long k : kept) out.time.push_back(s.time[static_cast<std::size_t>(k)]);
+  for (const long k : kept) out.time.push_back(s.time[k]);
   out.q = s.q(kept, Eigen::all);
   out.u = s.u(kept, Eigen::all);
   for (std::size_t i = 0; i + 1 < kept.size(); ++i) {
@@ -144,7 +141,7 @@ MotionStretch thinned(const MotionStretch& s, std::size_t every) {
       const std::size_t at = static_cast<std::size_t>(k);
       sum += 0.5 * (s.time[at + 1] - s.time[at]) * (s.u.row(k) + s.u_end.row(k));
     }
-    out.u.row(static_cast<long>(i)) = sum / (out.time[i + 1] - out.time[i]);
+    out.u.row(i) = sum / (out.time[i + 1] - out.time[i]);
   }
   out.u_end = out.u;
   out.command = s.command;
@@ -184,8 +181,7 @@ HeldOutMotion motion_of(const std::vector<Recording>& parts) {
           "the torque of " + joint + " was not recorded: its motion is an input, not a result";
     for (long j = 0; j < r.q.cols(); ++j)
       if (r.q.col(j).array().isNaN().all())
-        out.reason =
-            "the position of " + r.joint_names[static_cast<std::size_t>(j)] + " was not recorded";
+        out.reason = "the position of " + r.joint_names[j] + " was not recorded";
     if (!out.reason.empty()) return out;
   }
   const SensorNoise noise = sensor_noise(parts, passive);

@@ -42,7 +42,7 @@ detail::Spectrum spectrum(const Evidence& evidence, long k, const VecX<double>& 
   std::vector<VecX<double>> stretches;
   long longest = 1;
   for (long begin = 0, end = 0; begin < rows.size(); begin = end) {
-    const auto of = [&](long i) { return evidence.stretch()[static_cast<std::size_t>(i)]; };
+    const auto of = [&](long i) { return evidence.stretch()[i]; };
     while (end < rows.size() && of(end) == of(begin)) ++end;
     long first = begin;
     while (first < end && evidence.begins(first, k)) ++first;
@@ -50,7 +50,7 @@ detail::Spectrum spectrum(const Evidence& evidence, long k, const VecX<double>& 
     longest = std::max(longest, end - first);
   }
   if (longest < kShortestWindow) return {};
-  const long window = static_cast<long>(std::bit_floor(static_cast<unsigned long>(longest)));
+  const long window = (std::bit_floor(static_cast<unsigned long>(longest)));
   return detail::welch(stretches, 1.0 / evidence.step(), std::min(kWindow, window));
 }
 
@@ -111,14 +111,14 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
       return evidence.driven_rows().reaches(t.effect.joints, evidence.joints()[k]);
     };
     if (local && !acts(term)) continue;
-    const long begin = static_cast<long>(k) * m;
+    const long begin = k * m;
     const bool dry =
         std::ranges::any_of(terms, [&](const Term& t) { return acts(t) && is_dry(t.effect); });
     const double accuracy = dry ? kDryAccuracy : kAccuracy;
     double there = accuracy * accuracy *
                    std::max(0.0, search.projection().residual().segment(begin, m).squaredNorm() -
                                      after.segment(begin, m).squaredNorm());
-    there += unknown[static_cast<long>(k)];
+    there += unknown[k];
     // Noise that is assumed stands for errors of filters and integrators, which do not average out.
     const std::vector<bool>& kept = search.whitener().kept();
     const auto rows = std::count(kept.begin() + begin, kept.begin() + begin + m, true);
@@ -136,7 +136,7 @@ VecX<double> inexact_friction(const Search& search, const std::vector<Term>& ter
   const Evidence& evidence = search.evidence();
   const VecX<double> friction = dry_friction(search, terms);
   const long m = evidence.times();
-  VecX<double> out(static_cast<long>(evidence.joints().size()));
+  VecX<double> out(std::ssize(evidence.joints()));
   for (long k = 0; k < out.size(); ++k) {
     double share = kBaseDryAccuracy * kBaseDryAccuracy;
     if (of_late_turns)

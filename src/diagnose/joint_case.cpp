@@ -33,8 +33,7 @@ void require_same_joints(const std::vector<std::string>& names, const Evidence& 
                          const Evidence& test, const std::string& source) {
   const auto known = [&](const Evidence& e) {
     std::string out;
-    for (const int j : e.joints())
-      out += (out.empty() ? "" : ", ") + names[static_cast<std::size_t>(j)];
+    for (const int j : e.joints()) out += (out.empty() ? "" : ", ") + names[j];
     return out;
   };
   if (train.joints() != test.joints())
@@ -47,8 +46,7 @@ void require_same_joints(const std::vector<std::string>& names, const Evidence& 
 /// @param joints  how many of these lead
 FitChoice without_base_joints(const JointCase& c, int joints) {
   FitChoice out;
-  for (int k = 0; k < joints; ++k)
-    out.fix.push_back(joint_names(c.model)[static_cast<std::size_t>(k)] + ".*");
+  for (int k = 0; k < joints; ++k) out.fix.push_back(joint_names(c.model)[k] + ".*");
   return out;
 }
 
@@ -108,7 +106,7 @@ double rms_of(const Evidence& e, const std::vector<bool>& counts, std::size_t k,
   double squares = 0.0, count = 0.0;
   for (long row = static_cast<long>(k) * e.times(); row < static_cast<long>(k + 1) * e.times();
        ++row)
-    if (counts[static_cast<std::size_t>(row)]) squares += rows[row] * rows[row], ++count;
+    if (counts[row]) squares += rows[row] * rows[row], ++count;
   return std::sqrt(squares / std::max(count, 1.0));
 }
 
@@ -117,8 +115,7 @@ double change_of(const std::vector<Recording>& sample, std::size_t joint) {
   double squares = 0.0, count = 0.0;
   for (const Recording& r : sample)
     for (long i = 1; i < r.rows(); ++i) {
-      const double change =
-          r.tau(i, static_cast<long>(joint)) - r.tau(i - 1, static_cast<long>(joint));
+      const double change = r.tau(i, joint) - r.tau(i - 1, joint);
       if (std::isfinite(change)) squares += change * change, ++count;
     }
   return std::sqrt(squares / std::max(count, 1.0));
@@ -137,7 +134,7 @@ void require_torque(JointCase& c) {
   std::vector<std::string> drowned;
   std::size_t driven = 0, of_fitted = 0;
   for (std::size_t k = 0; k < noises.size(); ++k) {
-    if (c.train->passive(static_cast<long>(k))) continue;
+    if (c.train->passive(k)) continue;
     ++driven;
     const std::size_t j = static_cast<std::size_t>(c.train->joints()[k]);
     const auto look = [&](double noise, double torque, const RecordingSource& source,
@@ -150,8 +147,7 @@ void require_torque(JointCase& c) {
       return true;
     };
     const double of_signals =
-        c.test ? std::min(held.signal_noise(static_cast<long>(k)), rms_of(held, of_held, k, left))
-               : 0.0;
+        c.test ? std::min(held.signal_noise(k), rms_of(held, of_held, k, left)) : 0.0;
     if (look(noises[k].rms, rms_of(*c.train, c.search->whitener().kept(), k, c.train->torque()),
              c.train_source, "fitted rows of " + fitted))
       ++of_fitted;
@@ -185,8 +181,7 @@ IdentifyOptions reading_options(const DiagnoseOptions& options) {
 std::vector<std::string> units_of(const Model& model) {
   std::vector<std::string> out;
   for (const int l : moving_links(model))
-    out.push_back(model.links[static_cast<std::size_t>(l)].type == ModelJoint::kPrismatic ? "N"
-                                                                                          : "N*m");
+    out.push_back(model.links[l].type == ModelJoint::kPrismatic ? "N" : "N*m");
   return out;
 }
 
@@ -247,11 +242,11 @@ void prepare(JointCase& c) {
   for (const ChannelWarning& w : c.train_source.warnings())  // others are the audit's
     if (std::ranges::find(followers, w.joint) != followers.end()) c.finding.notes.push_back(w.text);
   for (const int j : c.train->resting())
-    c.finding.notes.push_back(joint_names(c.model)[static_cast<std::size_t>(j)] +
+    c.finding.notes.push_back(joint_names(c.model)[j] +
                               " stands still: friction may hold it whatever its torque is, which "
                               "is left out, as are causes that act there");
   for (const int j : c.train->sticking())
-    c.finding.notes.push_back(joint_names(c.model)[static_cast<std::size_t>(j)] +
+    c.finding.notes.push_back(joint_names(c.model)[j] +
                               " sticks wherever it turns back: its turns are left out, and what "
                               "shows there alone (Stribeck friction, gaps, springs that friction "
                               "winds up) may be missed");
@@ -310,8 +305,7 @@ void prepare(JointCase& c) {
   require_torque(c);
   for (const long k : c.search->blind())
     c.finding.notes.push_back(
-        joint_names(
-            c.model)[static_cast<std::size_t>(c.train->joints()[static_cast<std::size_t>(k)])] +
+        joint_names(c.model)[c.train->joints()[k]] +
         ": too few rows to tell noise from what the model lacks, which stays hidden; record "
         "longer, or a motion that repeats");
 }

@@ -115,7 +115,7 @@ std::vector<double> JointDiagnosis::widths_beside_causes() const {
     const BoundEffect own = friction_of(case_.layout, shape);
     for (const Term& t : terms_) {
       if (&t.effect.info() != &own.info() || t.effect.joints != own.joints) continue;
-      out.back() = t.effect.parameters[static_cast<std::size_t>(shape.index)];
+      out.back() = t.effect.parameters[shape.index];
       named = true;
     }
   }
@@ -191,7 +191,7 @@ void JointDiagnosis::select() {
 
 void JointDiagnosis::note_rotors() {
   for (const Term& t : terms_) {
-    const Candidate& c = case_.candidates[static_cast<std::size_t>(t.candidate)];
+    const Candidate& c = case_.candidates[t.candidate];
     if (!t.effect.own && encoder_at_motor(t.effect))
       case_.finding.notes.push_back(t.effect.where +
                                     ": its encoder is at the motor, and the link " +
@@ -215,8 +215,8 @@ void JointDiagnosis::note_rotors() {
 
 void JointDiagnosis::note_limits() {
   for (const Term& t : terms_) {
-    const Candidate& c = case_.candidates[static_cast<std::size_t>(t.candidate)];
-    const auto at = [&] { return t.effect.parameters[static_cast<std::size_t>(c.shapes.front())]; };
+    const Candidate& c = case_.candidates[t.candidate];
+    const auto at = [&] { return t.effect.parameters[c.shapes.front()]; };
     if (c.bound() == SearchBound::kTorque && at() < kAtBound * c.shape_low.front())
       case_.finding.notes.push_back(
           kWarning + t.effect.where +
@@ -254,9 +254,8 @@ void JointDiagnosis::note_friction() {
              std::ranges::find(t.effect.parameter_info, "smoothing", &ParameterInfo::name) !=
                  t.effect.parameter_info.end();
     };
-    if (!known.contains(j) && !case_.train->passive(static_cast<long>(k)) &&
-        std::ranges::any_of(terms_, dry_friction))
-      lack += (lack.empty() ? "" : ", ") + names[static_cast<std::size_t>(j)];
+    if (!known.contains(j) && !case_.train->passive(k) && std::ranges::any_of(terms_, dry_friction))
+      lack += (lack.empty() ? "" : ", ") + names[j];
   }
   if (!lack.empty())
     case_.finding.notes.push_back(
@@ -279,7 +278,7 @@ void JointDiagnosis::note_instant() {
 
 void JointDiagnosis::describe() {
   for (const Score& s : first_scores_) {
-    const Candidate& c = case_.candidates[static_cast<std::size_t>(s.candidate)];
+    const Candidate& c = case_.candidates[s.candidate];
     const std::string& name = c.effect.info().name;
     if (s.visible_share < kAbsorbed && s.visible_share > 0.0)
       case_.finding.absorbed.push_back({name, c.effect.where, s.visible_share});
@@ -293,7 +292,7 @@ void JointDiagnosis::describe() {
   // Is there anything to explain? The best of all candidates, as many times as there were trials.
   for (const Score& s : first_scores_) {
     if (s.variant < 0) continue;
-    const auto starts = case_.candidates[static_cast<std::size_t>(s.candidate)].grid.size();
+    const auto starts = case_.candidates[s.candidate].grid.size();
     case_.finding.lack_of_fit_p =
         std::min(case_.finding.lack_of_fit_p, static_cast<double>(first_scores_.size() * starts) *
                                                   chi_square_tail(s.gain, s.parameters));
@@ -302,8 +301,7 @@ void JointDiagnosis::describe() {
   witness_ = find_witnesses(*case_.train, *case_.search, terms_, *case_.held_out, names,
                             case_.options.accept_delta_bic);
   for (const WitnessScore& w : witness_)
-    case_.finding.witness.push_back(
-        {names[static_cast<std::size_t>(w.joint)], w.variables, w.share, w.delta_bic});
+    case_.finding.witness.push_back({names[w.joint], w.variables, w.share, w.delta_bic});
   add_unsteady();
   const double excess = case_.drowned ? 0.0 : add_excess();
 
@@ -337,8 +335,7 @@ void JointDiagnosis::add_unsteady() {
                     {case_.held_out->evidence(), case_.held_out->errors(*case_.search, terms_),
                      case_.held_out->used()});
   for (const Unsteady& u : found) {
-    const std::string& where =
-        names[static_cast<std::size_t>(case_.train->joints()[static_cast<std::size_t>(u.joint)])];
+    const std::string& where = names[case_.train->joints()[u.joint]];
     if (std::ranges::find(case_.finding.witness, where, &Witness::where) !=
         case_.finding.witness.end())
       continue;
@@ -364,19 +361,19 @@ double JointDiagnosis::add_excess() {
     double left = 0.0, torque = 0.0, of_white = 0.0, rows = 0.0;
     for (long row = static_cast<long>(k) * held.times();
          row < static_cast<long>(k + 1) * held.times(); ++row) {
-      if (!whitener.kept()[static_cast<std::size_t>(row)]) continue;
+      if (!whitener.kept()[row]) continue;
       left += errors[row] * errors[row];
       torque += held.torque()[row] * held.torque()[row];
       of_white += white[row] * white[row];
       ++rows;
     }
     all += of_white;
-    const double signals = held.signal_noise(static_cast<long>(k)),
+    const double signals = held.signal_noise(k),
                  known = rows * signals * signals + kInexact * kInexact * torque;
-    if (held.passive(static_cast<long>(k)) || !(left > kFarOff * kFarOff * known)) continue;
+    if (held.passive(k) || !(left > kFarOff * kFarOff * known)) continue;
     const double share = 1.0 - known / left;
     excess += share * of_white;
-    const std::string& where = names[static_cast<std::size_t>(held.joints()[k])];
+    const std::string& where = names[held.joints()[k]];
     constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
     if (std::ranges::find(case_.finding.witness, where, &Witness::where) ==
         case_.finding.witness.end())

@@ -25,7 +25,7 @@ constexpr double kFewestWindows = 8.0;
 bool can_be_simulated(const Candidate& c, const std::vector<bool>& led) {
   const EffectInfo& info = c.effect.info();
   if (hides_motor(c.effect) || info.has(Trait::kOfServo))
-    return c.effect.joints.size() == 1 && led[static_cast<std::size_t>(c.effect.joints.front())];
+    return c.effect.joints.size() == 1 && led[c.effect.joints.front()];
   return info.port == Port::kJointTorque && !info.has(Trait::kReadsCommand) &&
          !info.has(Trait::kGain) && !info.has(Trait::kRotor) && !reads_time(c.effect) &&
          c.choices.empty() && !c.linear.empty();
@@ -147,16 +147,14 @@ void note_parameters(const MotionSolution& best, Finding& f) {
                        long from) {
     for (std::size_t k = 0; k < list.size(); ++k) {
       const FitParameter& q = list[k];
-      if (q.effect >= 0 &&
-          holds_effect(best.terms,
-                       {best.layout.effects[static_cast<std::size_t>(q.effect)].info().name,
-                        best.layout.effects[static_cast<std::size_t>(q.effect)].where,
-                        {}}))
+      if (q.effect >= 0 && holds_effect(best.terms, {best.layout.effects[q.effect].info().name,
+                                                     best.layout.effects[q.effect].where,
+                                                     {}}))
         continue;
       const long c = from + static_cast<long>(k);
       const double std = std::sqrt(std::max(best.fit.covariance(c, c), 0.0));
-      f.parameters.push_back({q.name, q.unit, values[static_cast<long>(k)], q.fixed ? 0.0 : std,
-                              q.prior, !q.fixed, q.fixed, false});
+      f.parameters.push_back(
+          {q.name, q.unit, values[k], q.fixed ? 0.0 : std, q.prior, !q.fixed, q.fixed, false});
     }
   };
   add(best.layout.linear, best.fit.x, 0);
@@ -175,7 +173,7 @@ void note_refuted(const MotionSolution& best, const IdentifyResult& described, d
   const double of_joint = samples / static_cast<double>(best.layout.num_dofs);
   const auto add = [&](const FitParameter& p, double value, long column) {
     if (p.fixed || p.effect < 0) return;
-    const BoundEffect& effect = best.layout.effects[static_cast<std::size_t>(p.effect)];
+    const BoundEffect& effect = best.layout.effects[p.effect];
     const auto find = [&](const std::string& name) {
       return std::ranges::find(described.parameters, name, &ParameterEstimate::name);
     };
@@ -196,10 +194,9 @@ void note_refuted(const MotionSolution& best, const IdentifyResult& described, d
       f.drives.push_back({p.name, p.unit, was_none ? kNaN : known->prior, value, std, moves});
   };
   for (std::size_t k = 0; k < best.layout.linear.size(); ++k)
-    add(best.layout.linear[k], best.fit.x[static_cast<long>(k)], static_cast<long>(k));
+    add(best.layout.linear[k], best.fit.x[k], k);
   for (std::size_t k = 0; k < best.layout.shape.size(); ++k)
-    add(best.layout.shape[k], best.fit.shape[static_cast<long>(k)],
-        best.fit.x.size() + static_cast<long>(k));
+    add(best.layout.shape[k], best.fit.shape[k], best.fit.x.size() + static_cast<long>(k));
 }
 
 /// Held-out positions, of both models, over their joints' noise.
@@ -210,7 +207,7 @@ void note_joints(MotionCase& c, const Model& model, const MotionSearchData& of) 
   const VecX<double> size = motion_size(c.search->held_out_stretches());
   const std::vector<std::string> names = joint_names(model);
   for (std::size_t j = 0; j < names.size(); ++j) {
-    const long column = static_cast<long>(j);
+    const long column = j;
     const auto rms = [&](const std::vector<RowMatX<double>>& errors) {
       double sum = 0.0, n = 0.0;
       for (const RowMatX<double>& e : errors)
@@ -259,8 +256,7 @@ void describe_causes(MotionCase& c) {
 std::vector<bool> led_joints(const Model& model) {
   std::vector<bool> out(joint_names(model).size(), false);
   for (const EffectSpec& e : model.effects)
-    if (find_effect(e.effect).has(Trait::kReadsCommand))
-      out[static_cast<std::size_t>(find_joint(model, e.where))] = true;
+    if (find_effect(e.effect).has(Trait::kReadsCommand)) out[find_joint(model, e.where)] = true;
   return out;
 }
 
@@ -298,7 +294,7 @@ void LimbDiagnosis::search() {
   c.base = c.best = c.search->solve({}, nullptr);
   if (others && c.go_on()) {
     const std::vector<bool> quiet = c.search->at_noise(c.base);
-    const auto is_quiet = [&](int joint) { return quiet[static_cast<std::size_t>(joint)]; };
+    const auto is_quiet = [&](int joint) { return quiet[joint]; };
     for (const Candidate& one : by_steps)
       if (std::ranges::all_of(one.effect.joints, is_quiet)) {
         const EffectSpec e{one.effect.info().name, one.effect.where, {}};

@@ -97,8 +97,7 @@ class Proposal {
     const std::vector<int> moving = moving_links(c_.model);
     if (!c_.model.constraints.empty())
       throw ModelError("motions that keep loops closed are not planned here (`diffnea excite`)");
-    if (std::ranges::any_of(
-            moving, [&](int i) { return c_.model.links[static_cast<std::size_t>(i)].passive; }))
+    if (std::ranges::any_of(moving, [&](int i) { return c_.model.links[i].passive; }))
       throw ModelError("a joint without a motor cannot be led along a planned motion");
     const bool all = focus_.size() == moving.size();
     Rng rng(c_.seed + 1);
@@ -137,7 +136,7 @@ class Proposal {
     options.velocity *= family.speed;
     options.slide_velocity *= family.speed;
     ranges = joint_ranges(c_.model, options, {});
-    const long n = static_cast<long>(ranges.size());
+    const long n = std::ssize(ranges);
     const int h = std::max(family.last, kOrdinaryLast);
     FourierMotion m{kPeriod, VecX<double>::Zero(n), MatX<double>::Zero(n, h),
                     MatX<double>::Zero(n, h)};
@@ -180,8 +179,7 @@ class Proposal {
   std::string joints_in_words() const {
     const std::vector<std::string> names = joint_names(c_.model);
     std::string out;
-    for (std::size_t i = 0; i < focus_.size(); ++i)
-      out += (i ? ", " : "") + names[static_cast<std::size_t>(focus_[i])];
+    for (std::size_t i = 0; i < focus_.size(); ++i) out += (i ? ", " : "") + names[focus_[i]];
     return out;
   }
 

@@ -39,16 +39,14 @@ JointNoise levinson(const std::vector<double>& r) {
 /// A column for each run but the first: its constant beside that of the others.
 MatX<double> sessions(const Evidence& e, const std::vector<long>& rows) {
   std::vector<int> runs;
-  const auto run_of = [&](long row) {
-    return e.series()[static_cast<std::size_t>(e.stretch()[static_cast<std::size_t>(row)])].run;
-  };
+  const auto run_of = [&](long row) { return e.series()[e.stretch()[row]].run; };
   for (const long i : rows)
     if (runs.empty() || runs.back() != run_of(i)) runs.push_back(run_of(i));
-  const long m = static_cast<long>(rows.size()), count = std::max<long>(std::ssize(runs) - 1, 0);
+  const long m = std::ssize(rows), count = std::max<long>(std::ssize(runs) - 1, 0);
   MatX<double> out = MatX<double>::Zero(m, count);
   long at = 0;
   for (long i = 0; i < m; ++i) {
-    while (run_of(rows[static_cast<std::size_t>(i)]) != runs[static_cast<std::size_t>(at)]) ++at;
+    while (run_of(rows[i]) != runs[at]) ++at;
     if (at > 0) out(i, at - 1) = 1.0;
   }
   return out;
@@ -68,7 +66,7 @@ JointNoise white(double rms) {
 
 std::vector<JointNoise> white_noise(const Evidence& evidence) {
   std::vector<JointNoise> out;
-  for (long k = 0; k < static_cast<long>(evidence.joints().size()); ++k)
+  for (long k = 0; k < std::ssize(evidence.joints()); ++k)
     out.push_back(white(std::max(evidence.size(k), 1e-12)));
   return out;
 }
@@ -80,33 +78,29 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
   const long m = evidence.times();
   std::vector<JointNoise> out;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
-    const long begin = static_cast<long>(k) * m;
+    const long begin = k * m;
     // A constant is no noise: whitened away, an offset would be invisible.
     double mean = 0.0;
     long count = 0;
     for (long i = 0; i < m; ++i)
-      if (used[static_cast<std::size_t>(begin + i)]) mean += residual[begin + i], ++count;
+      if (used[begin + i]) mean += residual[begin + i], ++count;
     mean /= static_cast<double>(std::max<long>(count, 1));
     std::vector<double> r(kOrder + 1, 0.0);
     std::vector<long> pairs(kOrder + 1, 0);
     for (long i = 0; i < m; ++i) {
-      if (!used[static_cast<std::size_t>(begin + i)]) continue;
+      if (!used[begin + i]) continue;
       for (long lag = 0; lag <= kOrder && lag <= i; ++lag) {
-        if (!used[static_cast<std::size_t>(begin + i - lag)] ||
-            evidence.stretch()[static_cast<std::size_t>(i)] !=
-                evidence.stretch()[static_cast<std::size_t>(i - lag)])
+        if (!used[begin + i - lag] || evidence.stretch()[i] != evidence.stretch()[i - lag])
           continue;
-        r[static_cast<std::size_t>(lag)] +=
-            (residual[begin + i] - mean) * (residual[begin + i - lag] - mean);
-        ++pairs[static_cast<std::size_t>(lag)];
+        r[lag] += (residual[begin + i] - mean) * (residual[begin + i - lag] - mean);
+        ++pairs[lag];
       }
     }
     const double n = std::max<double>(static_cast<double>(pairs[0]), 1.0);
     const double freedom = lost.empty() ? 1.0 : n / std::max(n - lost[k], 0.1 * n);
     // Bartlett's weights keep the sequence positive definite where rows are missing.
-    for (int lag = 0; lag <= kOrder; ++lag)
-      r[static_cast<std::size_t>(lag)] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
-    const double rounding = kLeastNoise * evidence.scale(static_cast<long>(k));
+    for (int lag = 0; lag <= kOrder; ++lag) r[lag] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
+    const double rounding = kLeastNoise * evidence.scale(k);
     const double assumed = std::max(rounding * rounding, 1e-300);
     r[0] = std::max(r[0], least.empty() ? 0.0 : least[k] * least[k]) + assumed;
     out.push_back(levinson(r));
@@ -121,10 +115,9 @@ std::vector<double> signals_noise(const Evidence& evidence, const VecX<double>& 
   std::vector<double> out;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
     double squares = 0.0, rows = 0.0;
-    for (long row = static_cast<long>(k) * m; row < static_cast<long>(k + 1) * m; ++row)
-      if (used[static_cast<std::size_t>(row)]) squares += left[row] * left[row], ++rows;
-    out.push_back(std::min(evidence.signal_noise(static_cast<long>(k)),
-                           std::sqrt(squares / std::max(rows, 1.0))));
+    for (long row = k * m; row < static_cast<long>(k + 1) * m; ++row)
+      if (used[row]) squares += left[row] * left[row], ++rows;
+    out.push_back(std::min(evidence.signal_noise(k), std::sqrt(squares / std::max(rows, 1.0))));
   }
   return out;
 }
@@ -137,17 +130,17 @@ Smoothed beside_smooth_functions(const Evidence& e, const std::vector<int>& free
     const long begin = static_cast<long>(k) * e.times();
     std::vector<long> rows;
     for (long i = 0; i < e.times(); ++i)
-      if (used[static_cast<std::size_t>(begin + i)]) rows.push_back(i);
-    const long m = static_cast<long>(rows.size());
+      if (used[begin + i]) rows.push_back(i);
+    const long m = std::ssize(rows);
     if (m == 0) continue;
-    const long own = static_cast<long>(k);
+    const long own = k;
     const VecX<double> q = e.q(own).col(e.joints()[k])(rows),
                        qd = e.qd(own).col(e.joints()[k])(rows);
     // Nothing but the links moves a passive joint: what other links would do there is no noise,
     // whether or not the base may be refitted. Where no torque is known these explain all.
     std::vector<int> columns = free;
     if (e.passive(own) && e.has_passive_beside_torques()) {
-      columns.resize(static_cast<std::size_t>(e.base().cols()));
+      columns.resize(e.base().cols());
       std::iota(columns.begin(), columns.end(), 0);
     }
     const MatX<double> base =
@@ -191,9 +184,7 @@ VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& resi
   bool any = false;
   for (long begin = 0; begin < m;) {
     long end = begin;
-    while (end < m && evidence.stretch()[static_cast<std::size_t>(end)] ==
-                          evidence.stretch()[static_cast<std::size_t>(begin)])
-      ++end;
+    while (end < m && evidence.stretch()[end] == evidence.stretch()[begin]) ++end;
     const long n = end - begin;
     // Over the whole stretch the phase may slip by a twentieth of a row.
     const bool whole =
@@ -202,8 +193,7 @@ VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& resi
     for (std::size_t k = 0; whole && k < evidence.joints().size(); ++k)
       for (long phase = 0; phase < std::min(p, n); ++phase) {
         // A stretch's first rows are others than those a period later.
-        const long own = static_cast<long>(k),
-                   late = evidence.begins(begin + phase, own) ? p : 0;
+        const long own = k, late = evidence.begins(begin + phase, own) ? p : 0;
         const long first = own * m + begin + phase + late,
                    repeats = (n - 1 - phase - late) / p + 1;
         if (n <= phase + late || repeats < 2) continue;
@@ -224,20 +214,18 @@ VecX<double> repeatable_noise(const Evidence& evidence, const VecX<double>& resi
 Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
                    const std::vector<bool>& used)
     : noise_(std::move(noise)), times_(evidence.times()) {
-  kept_.assign(static_cast<std::size_t>(evidence.rows()), false);
+  kept_.assign(evidence.rows(), false);
   before_.assign(kept_.size(), -1);
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
     long since = 0;  // usable rows in a row
     for (long i = 0; i < times_; ++i) {
       const std::size_t row = k * static_cast<std::size_t>(times_) + static_cast<std::size_t>(i);
-      const bool follows = i > 0 && evidence.stretch()[static_cast<std::size_t>(i)] ==
-                                        evidence.stretch()[static_cast<std::size_t>(i - 1)];
+      const bool follows = i > 0 && evidence.stretch()[i] == evidence.stretch()[i - 1];
       const bool may = used.empty() || used[row];
-      since = !may || evidence.sticks(i, static_cast<long>(k)) ? 0 : follows ? since + 1 : 1;
-      kept_[row] = since > 0 && !evidence.rests(i, static_cast<long>(k));
+      since = !may || evidence.sticks(i, k) ? 0 : follows ? since + 1 : 1;
+      kept_[row] = since > 0 && !evidence.rests(i, k);
       if (kept_[row])
-        before_[row] =
-            static_cast<int>(std::min<long>(since, static_cast<long>(noise_[k].orders.size()))) - 1;
+        before_[row] = static_cast<int>(std::min<long>(since, std::ssize(noise_[k].orders))) - 1;
       used_rows_ += kept_[row];
       assumed_sum_ += kept_[row] ? noise_[k].assumed : 0.0;
     }
@@ -247,23 +235,22 @@ Whitener::Whitener(const Evidence& evidence, std::vector<JointNoise> noise,
 MatX<double> Whitener::operator()(const MatX<double>& rows) const {
   MatX<double> out(rows.rows(), rows.cols());
   if (rows.cols() == 0) return out;
-  for (long k = 0; k < static_cast<long>(noise_.size()); ++k)
+  for (long k = 0; k < std::ssize(noise_); ++k)
     out.middleRows(k * times_, times_) = joint(k, rows.middleRows(k * times_, times_));
   return out;
 }
 
 MatX<double> Whitener::joint(long k, const Eigen::Ref<const MatX<double>>& rows) const {
   MatX<double> out = MatX<double>::Zero(rows.rows(), rows.cols());
-  const JointNoise& noise = noise_[static_cast<std::size_t>(k)];
+  const JointNoise& noise = noise_[k];
   for (long c = 0; c < rows.cols(); ++c) {
     if (rows.col(c).isZero(0.0)) continue;
     for (long i = 0; i < times_; ++i) {
-      const int before = before_[static_cast<std::size_t>(k * times_ + i)];
+      const int before = before_[k * times_ + i];
       if (before < 0) continue;
-      const JointNoise::Prediction& from = noise.orders[static_cast<std::size_t>(before)];
+      const JointNoise::Prediction& from = noise.orders[before];
       double e = rows(i, c);
-      for (int l = 0; l < before; ++l)
-        e -= from.a[static_cast<std::size_t>(l)] * rows(i - 1 - l, c);
+      for (int l = 0; l < before; ++l) e -= from.a[l] * rows(i - 1 - l, c);
       out(i, c) = e / from.sigma;
     }
   }

@@ -3,7 +3,7 @@
 namespace diffnea {
 Projection::Projection(const Evidence& evidence, const Whitener& whitener, const BasePrior& prior)
     : evidence_(evidence), whitener_(whitener), prior_(prior) {
-  const long n = evidence.rows(), p = static_cast<long>(prior.free.size()), l = prior.root.rows();
+  const long n = evidence.rows(), p = std::ssize(prior.free), l = prior.root.rows();
   VecX<double> y = VecX<double>::Zero(n + l);
   y.head(n) = whitener(evidence.torque() - evidence.base() * prior.x0);
   Q_.resize(n + l, 0);
@@ -25,9 +25,9 @@ Beside Projection::beside(const MatX<double>& columns) const {
   std::vector<long> joints;
   for (long k = 0; k < evidence_.rows() / m; ++k)
     if (columns.cols() > 0 && !columns.middleRows(k * m, m).isZero(0.0)) joints.push_back(k);
-  MatX<double> rows(m * static_cast<long>(joints.size()), columns.cols());
+  MatX<double> rows(m * std::ssize(joints), columns.cols());
   for (std::size_t i = 0; i < joints.size(); ++i)
-    rows.middleRows(static_cast<long>(i) * m, m) = columns.middleRows(joints[i] * m, m);
+    rows.middleRows(i * m, m) = columns.middleRows(joints[i] * m, m);
   return beside(std::move(joints), rows);
 }
 
@@ -47,7 +47,7 @@ std::vector<Beside> Projection::beside(
     out.push_back({joints, MatX<double>(rows->rows(), rows->cols()),
                    MatX<double>::Zero(Q_.cols(), rows->cols())});
     for (std::size_t i = 0; i < joints.size(); ++i)
-      of_joint[static_cast<std::size_t>(joints[i])].emplace_back(c, static_cast<long>(i) * m);
+      of_joint[joints[i]].emplace_back(c, static_cast<long>(i) * m);
   }
   for (std::size_t k = 0; k < of_joint.size(); ++k)
     for (std::size_t first = 0; first < of_joint[k].size();) {
@@ -60,12 +60,11 @@ std::vector<Beside> Projection::beside(
       for (std::size_t i = first; i < end; ++i) {
         const auto& [c, row] = of_joint[k][i];
         const long w = out[c].cols();
-        block.middleCols(width, w) =
-            whitener_.joint(static_cast<long>(k), columns[c].second->middleRows(row, m));
+        block.middleCols(width, w) = whitener_.joint(k, columns[c].second->middleRows(row, m));
         out[c].whitened.middleRows(row, m) = block.middleCols(width, w);
         width += w;
       }
-      const MatX<double> onto = Q_.middleRows(static_cast<long>(k) * m, m).transpose() * block;
+      const MatX<double> onto = Q_.middleRows(k * m, m).transpose() * block;
       width = 0;
       for (std::size_t i = first; i < end; ++i) {
         Beside& of = out[of_joint[k][i].first];
@@ -97,11 +96,11 @@ MatX<double> Projection::expanded(const Beside& columns) const {
 Projection::Factor Projection::factor(const MatX<double>& base) const {
   Factor out;
   const long n = evidence_.rows(), m = evidence_.times();
-  MatX<double> rows(n, static_cast<long>(prior_.free.size()));
+  MatX<double> rows(n, std::ssize(prior_.free));
   for (long k = 0; k < n / m; ++k)
     rows.middleRows(k * m, m) =
         evidence_.without_scale(k, base.middleRows(k * m, m), prior_.x0)(Eigen::all, prior_.free);
-  MatX<double> A(n + prior_.root.rows(), static_cast<long>(prior_.free.size()));
+  MatX<double> A(n + prior_.root.rows(), std::ssize(prior_.free));
   A.topRows(n) = whitener_(rows);
   A.bottomRows(prior_.root.rows()) = prior_.root;
   out.scale = A.colwise().norm().transpose();
@@ -125,8 +124,7 @@ VecX<double> Projection::solve(const Factor& of, const VecX<double>& effects) co
   VecX<double> y = VecX<double>::Zero(evidence_.rows() + prior_.root.rows());
   y.head(evidence_.rows()) = whitener_(evidence_.torque() - evidence_.base() * prior_.x0 - effects);
   const VecX<double> step = of.scale.cwiseProduct(of.qr.solve(y));
-  for (std::size_t k = 0; k < prior_.free.size(); ++k)
-    x[prior_.free[k]] += step[static_cast<long>(k)];
+  for (std::size_t k = 0; k < prior_.free.size(); ++k) x[prior_.free[k]] += step[k];
   return x;
 }
 

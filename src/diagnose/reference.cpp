@@ -25,13 +25,12 @@ constexpr double kAlike = 1e4;
 bool is_impossible(const FitLayout& layout, const VecX<double>& x) {
   for (std::size_t k = 0; k < layout.linear.size(); ++k) {
     const FitParameter& p = layout.linear[k];
-    if (!p.fixed && p.sign != Sign::kFree && x[static_cast<long>(k)] < 0.0) return true;
+    if (!p.fixed && p.sign != Sign::kFree && x[k] < 0.0) return true;
   }
   return std::ranges::any_of(layout.bodies(), [&](int first) {
     Theta<double> theta;
     for (int k = 0; k < kThetaSize; ++k) theta[k] = x[first + k];
-    return !layout.linear[static_cast<std::size_t>(first)].fixed &&
-           !(smallest_pseudo_inertia_eigenvalue(theta) > 0.0);
+    return !layout.linear[first].fixed && !(smallest_pseudo_inertia_eigenvalue(theta) > 0.0);
   });
 }
 
@@ -43,7 +42,7 @@ std::vector<JointFactor> linear_factors(const FitLayout& layout, const Evidence&
   for (const JointFactor& f : evidence.factors()) {
     std::vector<int> columns = f.columns;
     std::erase_if(columns, [p](int c) { return c >= p; });
-    const long n = static_cast<long>(columns.size());
+    const long n = std::ssize(columns);
     const MatX<double> R = f.factor.R();
     RowMatX<double> rows(R.rows(), n + 1);
     rows << R.leftCols(n), f.factor.d();
@@ -59,7 +58,7 @@ std::vector<JointFactor> linear_factors(const FitLayout& layout, const Evidence&
 /// torque that drives are late by: a lag of 40 ms came out 2 to 3 % short.
 VecX<double> possible(const FitLayout& layout, const Evidence& evidence, const VecX<double>& x) {
   if (!is_impossible(layout, x)) return x;
-  const long p = static_cast<long>(layout.linear.size());
+  const long p = std::ssize(layout.linear);
   ConvexFitProblem problem;
   const std::vector<JointFactor> factors = linear_factors(layout, evidence);
   const VecX<double> scale = parameter_scales(layout, factors);
@@ -76,7 +75,7 @@ VecX<double> possible(const FitLayout& layout, const Evidence& evidence, const V
   }
   VecX<double> weak = VecX<double>::Zero(p);
   for (long k = 0; k < p; ++k) {
-    const FitParameter& parameter = layout.linear[static_cast<std::size_t>(k)];
+    const FitParameter& parameter = layout.linear[k];
     if (parameter.fixed) {
       problem.fixed.push_back(static_cast<int>(k));
       problem.start[k] = parameter.prior;
@@ -99,22 +98,21 @@ VecX<double> shapes_at(const FitLayout& layout, const VecX<double>& x,
   const bool spring = std::ranges::any_of(
       terms, [](const Term& t) { return t.effect.info().motor == HiddenMotor::kSpring; });
   const double most = spring ? kMostTurnAtSpring : kMostTurn;
-  VecX<double> shape(static_cast<long>(layout.shape.size()));
-  long at = static_cast<long>(layout.linear.size());
+  VecX<double> shape(std::ssize(layout.shape));
+  long at = std::ssize(layout.linear);
   for (std::size_t s = 0; s < layout.shape.size(); ++s) {
-    shape[static_cast<long>(s)] = layout.shape[s].prior;
-    if (is_smoothing(layout.shape[s]))
-      shape[static_cast<long>(s)] *= std::exp(std::clamp(x[at++], -most, most));
+    shape[s] = layout.shape[s].prior;
+    if (is_smoothing(layout.shape[s])) shape[s] *= std::exp(std::clamp(x[at++], -most, most));
   }
   return shape;
 }
 
 Model base_at(const Model& model, const FitLayout& layout, const VecX<double>& x,
               const std::vector<Term>& terms) {
-  VecX<double> physical = x.head(static_cast<long>(layout.linear.size()));
+  VecX<double> physical = x.head(std::ssize(layout.linear));
   for (std::size_t k = 0; k < layout.linear.size(); ++k)  // the test's base knows no bounds
     if (layout.linear[k].sign != Sign::kFree && !layout.linear[k].fixed)
-      physical[static_cast<long>(k)] = std::max(physical[static_cast<long>(k)], 0.0);
+      physical[k] = std::max(physical[k], 0.0);
   return apply_fit(model, layout, physical, shapes_at(layout, x, terms));
 }
 
@@ -146,10 +144,10 @@ std::vector<bool> Reference::rebase(const Projection& projection,
   if (moved_.size() == 0) moved_ = VecX<double>::Zero(by.size());
   moved_ += by;
   const bool tilted = set_tilt(x, terms);
-  std::vector<bool> out(static_cast<std::size_t>(by.size()), false);
+  std::vector<bool> out(by.size(), false);
   for (long j = 0; j < by.size(); ++j) {
     if (!tilted && !(moved_[j] > kMoved)) continue;
-    out[static_cast<std::size_t>(j)] = true;
+    out[j] = true;
     moved_[j] = 0.0;
   }
   if (std::ranges::find(out, true) == out.end()) out.clear();

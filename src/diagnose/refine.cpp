@@ -35,12 +35,12 @@ constexpr double kMostLog = 0.7, kMostPlain = 0.3;
 /// Drops shapes whose derivatives D the columns before them reproduce.
 /// @param K  products of [columns | D]  @return whether there were any
 bool drop_redundant(const MatX<double>& K, Term& term) {
-  const long columns = K.cols() - static_cast<long>(term.shapes.size());
+  const long columns = K.cols() - std::ssize(term.shapes);
   std::vector<int> kept;
   for (long s = columns; s < K.cols(); ++s)
     if (left_beside(K.topLeftCorner(columns, columns), K.col(s).head(columns), K(s, s)) >
         kRedundant * kRedundant * K(s, s))
-      kept.push_back(term.shapes[static_cast<std::size_t>(s - columns)]);
+      kept.push_back(term.shapes[s - columns]);
   const bool dropped = kept.size() < term.shapes.size();
   term.shapes = std::move(kept);
   return dropped;
@@ -68,7 +68,7 @@ NormalEquations with_shapes(const Search& search, const std::vector<const Term*>
 
 /// Its shapes refined, its choices as they are.
 Term descended(const Search& search, Term term, const std::vector<Term>& terms) {
-  const Candidate& c = search.candidates()[static_cast<std::size_t>(term.candidate)];
+  const Candidate& c = search.candidates()[term.candidate];
   std::vector<const Term*> all;
   for (const Term& t : terms) all.push_back(&t);
   all.push_back(&term);
@@ -78,8 +78,7 @@ Term descended(const Search& search, Term term, const std::vector<Term>& terms) 
     return 2.0 * n.b.dot(at) - at.dot(n.K * at) + search.residual_sum() - n.left;
   };
   const auto set = [](Term& t, const VecX<double>& values) {
-    for (std::size_t k = 0; k < t.linear.size(); ++k)
-      t.effect.parameters[static_cast<std::size_t>(t.linear[k])] = values[static_cast<long>(k)];
+    for (std::size_t k = 0; k < t.linear.size(); ++k) t.effect.parameters[t.linear[k]] = values[k];
   };
   const NormalEquations at_start = search.normal(all);
   x = best(at_start).x;
@@ -125,7 +124,7 @@ Term descended(const Search& search, Term term, const std::vector<Term>& terms) 
       Term moved = term;
       set(moved, now_values + shrink * (target - now_values));
       for (long s = 0; s < shapes; ++s) {
-        const std::size_t k = static_cast<std::size_t>(moved.shapes[static_cast<std::size_t>(s)]);
+        const std::size_t k = static_cast<std::size_t>(moved.shapes[s]);
         const auto at = std::ranges::find(c.shapes, static_cast<int>(k));
         double& value = moved.effect.parameters[k];
         const double by = shrink * move[linear + s];
@@ -160,7 +159,7 @@ Term descended(const Search& search, Term term, const std::vector<Term>& terms) 
 
 /// Where stiffness and rotor of a spring show as their ratio alone: the rotor as declared.
 void hold_rotor(const Search& search, Term& term) {
-  const Candidate& c = search.candidates()[static_cast<std::size_t>(term.candidate)];
+  const Candidate& c = search.candidates()[term.candidate];
   double* p = term.effect.parameters.data();  // stiffness, damping, inertia
   if (!(c.rotor > 0.0) || term.shapes.size() >= c.shapes.size() || !(p[2] > 0.0)) return;
   if (encoder_at_motor(term.effect)) return;  // the link's inertia over the stiffness shows
@@ -185,12 +184,12 @@ Term refined(const Search& search, Term term, const std::vector<Term>& terms) {
     return search.fit(with);
   };
   // What is one or the other, each with the shapes that suit it.
-  for (const int k : search.candidates()[static_cast<std::size_t>(best.candidate)].choices) {
+  for (const int k : search.candidates()[best.candidate].choices) {
     const Term from = best;
-    for (const double value : from.effect.parameter_info[static_cast<std::size_t>(k)].choices) {
-      if (value == from.effect.parameters[static_cast<std::size_t>(k)]) continue;
+    for (const double value : from.effect.parameter_info[k].choices) {
+      if (value == from.effect.parameters[k]) continue;
       Term other = from;
-      other.effect.parameters[static_cast<std::size_t>(k)] = value;
+      other.effect.parameters[k] = value;
       search.set_columns(other);
       other = descended(search, std::move(other), terms);
       const double gain = gain_with(other) - gain_with(best);
@@ -230,11 +229,11 @@ bool plausible(const Search& search, const Term& term) {
   }
   // A hidden rotor without inertia only bends the friction that turns with it.
   for (const int k : term.linear)
-    if (hidden && term.effect.parameter_info[static_cast<std::size_t>(k)].name == "motor_inertia" &&
-        !(term.effect.parameters[static_cast<std::size_t>(k)] > 0.0))
+    if (hidden && term.effect.parameter_info[k].name == "motor_inertia" &&
+        !(term.effect.parameters[k] > 0.0))
       return false;
   // At the least distance that shows, bristles are Coulomb friction; at the largest, a spring.
-  const Candidate& c = search.candidates()[static_cast<std::size_t>(term.candidate)];
+  const Candidate& c = search.candidates()[term.candidate];
   for (std::size_t s = 0; s < c.shapes.size(); ++s) {
     const std::size_t k = static_cast<std::size_t>(c.shapes[s]);
     if (term.effect.parameter_info[k].name == "presliding" &&
@@ -250,7 +249,7 @@ bool plausible(const Search& search, const Term& term) {
   const long m = e.times();
   // Beside torques, those that cancel at a passive joint are its size one by one.
   const bool cancels = e.has_passive_beside_torques();
-  for (long k = 0; k < static_cast<long>(e.joints().size()); ++k)
+  for (long k = 0; k < std::ssize(e.joints()); ++k)
     if ((seen <= kMostlySeen || e.passive(k)) &&
         torque.segment(k * m, m).norm() >
             kWhole * (cancels ? e.scale(k) : e.size(k)) * std::sqrt(static_cast<double>(m)))

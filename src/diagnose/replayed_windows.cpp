@@ -19,7 +19,7 @@ constexpr long kMargin = 12;     ///< rows of the grid beyond the window: clocks
 /// Positions of one joint on the grid: straight between those that were measured, held beyond.
 void fill(const MotionStretch& s, long joint, double start, double dt,
           Eigen::Ref<VecX<double>> out) {
-  const long m = static_cast<long>(s.time.size());
+  const long m = std::ssize(s.time);
   long next = 0, last = -1;
   const auto skip = [&] {
     while (next < m && std::isnan(s.q(next, joint))) ++next;
@@ -27,7 +27,7 @@ void fill(const MotionStretch& s, long joint, double start, double dt,
   skip();
   for (long k = 0; k < out.size(); ++k) {
     const double t = start + static_cast<double>(k) * dt;
-    while (next < m && s.time[static_cast<std::size_t>(next)] <= t) {
+    while (next < m && s.time[next] <= t) {
       last = next++;
       skip();
     }
@@ -35,8 +35,7 @@ void fill(const MotionStretch& s, long joint, double start, double dt,
       out[k] = last >= 0 ? s.q(last, joint) : next < m ? s.q(next, joint) : 0.0;
       continue;
     }
-    const double t0 = s.time[static_cast<std::size_t>(last)],
-                 t1 = s.time[static_cast<std::size_t>(next)];
+    const double t0 = s.time[last], t1 = s.time[next];
     out[k] = s.q(last, joint) + (t - t0) / (t1 - t0) * (s.q(next, joint) - s.q(last, joint));
   }
 }
@@ -44,11 +43,10 @@ void fill(const MotionStretch& s, long joint, double start, double dt,
 /// Torque of a stretch at a time; held beyond its ends.
 Eigen::RowVectorXd torque_at(const MotionStretch& s, double t) {
   const long k = std::upper_bound(s.time.begin(), s.time.end(), t) - s.time.begin() - 1;
-  const long m = static_cast<long>(s.time.size());
+  const long m = std::ssize(s.time);
   if (k < 0) return s.u.row(0);
   if (k + 1 >= m) return s.u.row(m - 1);
-  const double t0 = s.time[static_cast<std::size_t>(k)],
-               a = (t - t0) / (s.time[static_cast<std::size_t>(k) + 1] - t0);
+  const double t0 = s.time[k], a = (t - t0) / (s.time[k + 1] - t0);
   return (1.0 - a) * s.u.row(k) + a * s.u_end.row(k);
 }
 
@@ -132,8 +130,7 @@ RowMatX<double> ReplayedWindows::positions(const MotionStretch& stretch,
         on_grid(k, j) = on_grid(k + 3, j) + 3.0 * (on_grid(k + 1, j) - on_grid(k + 2, j));
   RowMatX<double> out(window.rows, n);
   for (long k = 0; k < window.rows; ++k) {
-    const double at =
-        (stretch.time[static_cast<std::size_t>(window.first + k)] - g.start) / g.motion.dt;
+    const double at = (stretch.time[window.first + k] - g.start) / g.motion.dt;
     for (long j = 0; j < n; ++j) out(k, j) = between(on_grid.col(j), at);
   }
   return out;

@@ -22,7 +22,7 @@ double removed(const Search& search, const VecX<double>& left, const TriedEffect
 }  // namespace
 
 Term narrowed(const Search& search, const Term& term, const std::vector<Term>& terms) {
-  const double inertia = search.candidates()[static_cast<std::size_t>(term.candidate)].swings;
+  const double inertia = search.candidates()[term.candidate].swings;
   if (!(inertia > 0.0)) return term;  // a gap, whose link flies
   const auto index = [&](const char* name) {
     return static_cast<std::size_t>(

@@ -119,13 +119,13 @@ void require_motion(const Evidence& evidence, const PreprocessPlan& plan,
                     const std::vector<Recording>& sample) {
   std::vector<std::string> still;
   for (const int j : evidence.joints()) {
-    still.push_back(sample.front().joint_names.at(static_cast<std::size_t>(j)));
+    still.push_back(sample.front().joint_names.at(j));
     double low = kInfinity, high = -kInfinity;
     for (const JointSeries& s : evidence.series()) {
       low = std::min(low, s.q.col(j).minCoeff());
       high = std::max(high, s.q.col(j).maxCoeff());
     }
-    const double noise = std::max(plan.q_noise.at(static_cast<std::size_t>(j)), kLeastPosition);
+    const double noise = std::max(plan.q_noise.at(j), kLeastPosition);
     if (high - low > kMoves * noise) return;
   }
   const std::string lost = detail::uneven_columns(sample);
@@ -140,15 +140,15 @@ void require_motion(const Evidence& evidence, const PreprocessPlan& plan,
 }
 
 void split_in_time(const Evidence& evidence, std::vector<bool>& fitted, std::vector<bool>& held) {
-  fitted.assign(static_cast<std::size_t>(evidence.rows()), false);
+  fitted.assign(evidence.rows(), false);
   held = fitted;
   const long m = evidence.times();
   const auto put = [&](long i, bool hold) {
     for (std::size_t k = 0; k < evidence.joints().size(); ++k)
-      (hold ? held : fitted)[k * static_cast<std::size_t>(m) + static_cast<std::size_t>(i)] = true;
+      (hold ? held : fitted)[k * m + i] = true;
   };
   if (evidence.stretch().back() + 1 >= kManyStretches) {
-    for (long i = 0; i < m; ++i) put(i, evidence.stretch()[static_cast<std::size_t>(i)] % 2 == 1);
+    for (long i = 0; i < m; ++i) put(i, evidence.stretch()[i] % 2 == 1);
     return;
   }
   const long block = std::max<long>(

@@ -44,7 +44,7 @@ ScoreTable::ScoreTable(const Evidence& evidence, const std::vector<Candidate>& c
 }
 
 void ScoreTable::add_ripples(int candidate, bool keep) {
-  const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+  const Candidate& c = candidates_[candidate];
   const std::vector<long> reached = evidence_.reached({c.effect.joints[0]});
   if (reached.empty()) return;
   const std::size_t first = variants_.size();
@@ -58,9 +58,8 @@ void ScoreTable::add_ripples(int candidate, bool keep) {
     variants_.push_back(std::move(v));
   }
   if (keep)
-    ripples_of(c, evidence_, [&](int g, MatX<double> raw) {
-      variants_[first + static_cast<std::size_t>(g)].raw = std::move(raw);
-    });
+    ripples_of(c, evidence_,
+               [&](int g, MatX<double> raw) { variants_[first + g].raw = std::move(raw); });
 }
 
 void ScoreTable::sweep(const Wanted& wanted,
@@ -69,14 +68,14 @@ void ScoreTable::sweep(const Wanted& wanted,
     if (!variants_[i].kept && variants_[i].point == 0 &&
         (!wanted || wanted(variants_[i].candidate)))
       ripples_of(
-          candidates_[static_cast<std::size_t>(variants_[i].candidate)], evidence_,
+          candidates_[variants_[i].candidate], evidence_,
           [&](int g, const MatX<double>& raw) { visit(i + static_cast<std::size_t>(g), raw); });
 }
 
 void ScoreTable::fill(Variant& v) const {
   const long m = evidence_.times();
-  const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
-  Term term = term_at(c, v.candidate, c.grid[static_cast<std::size_t>(v.point)]);
+  const Candidate& c = candidates_[v.candidate];
+  Term term = term_at(c, v.candidate, c.grid[v.point]);
   if (!term.effect.own && hides_motor(term.effect) && is_dry(term.effect) &&
       !evidence_.has_friction(term.effect.joints.front())) {
     v.joints.clear();  // friction on either side of its spring, of which there is none
@@ -91,19 +90,18 @@ void ScoreTable::fill(Variant& v) const {
   both.leftCols(term.width()) = term.columns;
   if (v.offset) both.col(term.width()) = term.offset;
   v.joints.clear();
-  for (long k = 0; k < static_cast<long>(evidence_.joints().size()); ++k)
+  for (long k = 0; k < std::ssize(evidence_.joints()); ++k)
     if (both.cols() > 0 && !both.middleRows(k * m, m).isZero(0.0)) v.joints.push_back(k);
-  v.raw.resize(m * static_cast<long>(v.joints.size()), both.cols());
+  v.raw.resize(m * std::ssize(v.joints), both.cols());
   for (std::size_t i = 0; i < v.joints.size(); ++i)
-    v.raw.middleRows(static_cast<long>(i) * m, m) = both.middleRows(v.joints[i] * m, m);
+    v.raw.middleRows(i * m, m) = both.middleRows(v.joints[i] * m, m);
 }
 
 void ScoreTable::recompute(const std::vector<bool>& joints) {
   for (Variant& v : variants_) {
-    const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
-    const bool moved = c.effect.joints.empty() || std::ranges::any_of(c.effect.joints, [&](int j) {
-                         return joints[static_cast<std::size_t>(j)];
-                       });
+    const Candidate& c = candidates_[v.candidate];
+    const bool moved = c.effect.joints.empty() ||
+                       std::ranges::any_of(c.effect.joints, [&](int j) { return joints[j]; });
     if (c.of_reference && moved) fill(v);
   }
 }
@@ -130,14 +128,13 @@ void ScoreTable::measure(Variant& v, Beside beside, const Projection& projection
 }
 
 const std::vector<double>& ScoreTable::point_of(const Score& score) const {
-  const Variant& v = variants_[static_cast<std::size_t>(score.variant)];
-  const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
-  return c.grid[static_cast<std::size_t>(v.point)];
+  const Variant& v = variants_[score.variant];
+  const Candidate& c = candidates_[v.candidate];
+  return c.grid[v.point];
 }
 
 Term ScoreTable::term_of(const Score& score) const {
-  return term_at(candidates_[static_cast<std::size_t>(score.candidate)], score.candidate,
-                 point_of(score));
+  return term_at(candidates_[score.candidate], score.candidate, point_of(score));
 }
 
 std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms,
@@ -149,7 +146,7 @@ std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms,
   for (std::size_t c = 0; c < candidates_.size(); ++c) best[c].candidate = static_cast<int>(c);
   const auto consider = [&](std::size_t i, const Beside& beside) {
     const Variant& v = variants_[i];
-    const Candidate& c = candidates_[static_cast<std::size_t>(v.candidate)];
+    const Candidate& c = candidates_[v.candidate];
     const long k = v.width();
     double visible = 0.0, whole = 0.0;
     long rank = 0;
@@ -160,7 +157,7 @@ std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms,
       rank += w < k && left > kInvisible * kInvisible * all;
     }
     const double share = whole > 0.0 ? std::sqrt(visible / whole) : 0.0;
-    Score& b = best[static_cast<std::size_t>(v.candidate)];
+    Score& b = best[v.candidate];
     b.visible_share = std::max(b.visible_share, share);
     if (share < kInvisible) return;
     MatX<double> SG(s, k + v.offset);
@@ -189,7 +186,7 @@ std::vector<Score> ScoreTable::scores(const std::vector<Term>& terms,
     if (b.variant >= 0 && gain <= b.gain) return;
     b.gain = gain;
     b.variant = static_cast<int>(i);
-    b.parameters = static_cast<int>(rank + static_cast<long>(c.shapes.size()));
+    b.parameters = static_cast<int>(rank + std::ssize(c.shapes));
   };
   for (std::size_t i = 0; i < variants_.size(); ++i)
     if ((variants_[i].kept || terms.empty()) && (!wanted || wanted(variants_[i].candidate)))

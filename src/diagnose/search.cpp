@@ -17,7 +17,7 @@ Search::Search(const Evidence& evidence, const std::vector<Candidate>& candidate
       held_(prior),
       used_(used),
       table_(evidence, candidates, table_bytes) {
-  if (used_.empty()) used_.assign(static_cast<std::size_t>(evidence.rows()), true);
+  if (used_.empty()) used_.assign(evidence.rows(), true);
   const int last = static_cast<int>(evidence.base().cols()) - 1;
   if (const auto at = std::ranges::find(held_.free, last); at != held_.free.end()) {
     const long k = at - held_.free.begin(), after = held_.root.cols() - k - 1;
@@ -57,7 +57,7 @@ bool Search::samples_and_holds(int joint, const std::vector<Term>& terms) const 
 bool Search::samples_and_holds(const std::vector<Term>& terms) const {
   bool driven = false;
   for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
-    if (evidence_.passive(static_cast<long>(k))) continue;
+    if (evidence_.passive(k)) continue;
     if (samples_and_holds(evidence_.joints()[k], terms)) return true;
     driven = true;
   }
@@ -89,7 +89,7 @@ std::vector<Score> Search::scores(const std::vector<Term>& terms, const Wanted& 
 }
 
 void Search::set_columns(Term& term) const {
-  set_torque(evidence_, candidates_[static_cast<std::size_t>(term.candidate)], term);
+  set_torque(evidence_, candidates_[term.candidate], term);
   if (!projection_) return;
   MatX<double> both = term.columns;
   if (term.has_offset()) {
@@ -120,17 +120,13 @@ void Search::refresh(double period, std::vector<Term>& terms) {
     for (std::size_t k = 0; k < evidence_.joints().size();
          ++k)  // at rest the torque is not the model's
       for (long i = 0; i < evidence_.times(); ++i)
-        if (evidence_.rests(i, static_cast<long>(k)))
-          rows[k * static_cast<std::size_t>(evidence_.times()) + static_cast<std::size_t>(i)] =
-              false;
+        if (evidence_.rests(i, k)) rows[k * evidence_.times() + i] = false;
     VecX<double> noise = period > 0.0 ? repeatable_noise(evidence_, left, period) : VecX<double>();
     repeatable_ = noise.size() > 0;
     std::vector<double> lost, least;
     blind_.clear();
     if (repeatable_) {
-      for (long i = 0; i < noise.size(); ++i)
-        rows[static_cast<std::size_t>(i)] =
-            rows[static_cast<std::size_t>(i)] && std::isfinite(noise[i]);
+      for (long i = 0; i < noise.size(); ++i) rows[i] = rows[i] && std::isfinite(noise[i]);
       least = signals_noise(evidence_, left, rows);
     } else {
       const double fitted = static_cast<double>(projection_->rank() + num_parameters(terms)) /
@@ -197,7 +193,7 @@ double Search::fit(std::vector<Term>& terms) const {
   const SignedFit f = signed_fit(n.K, n.b, n.sign);
   long at = 0;
   for (Term& t : terms)
-    for (const int k : t.linear) t.effect.parameters[static_cast<std::size_t>(k)] = f.x[at++];
+    for (const int k : t.linear) t.effect.parameters[k] = f.x[at++];
   return f.gain + residual_sum() - n.left;
 }
 
@@ -242,8 +238,7 @@ double Search::bic(double gain, const std::vector<Term>& terms) const {
 }
 
 double Search::looked_elsewhere(int candidate) const {
-  return 2.0 * std::log(static_cast<double>(
-                   candidates_[static_cast<std::size_t>(candidate)].grid.size()));
+  return 2.0 * std::log(static_cast<double>(candidates_[candidate].grid.size()));
 }
 
 VecX<double> Search::left_by(const std::vector<Term>& terms) const {

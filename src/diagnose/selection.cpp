@@ -42,7 +42,7 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
 void Selection::resume(std::vector<Term>& terms, std::size_t without, const char* why,
                        const std::function<bool(const FitProgress&)>& progress) {
   const int fallen = terms[without].candidate;
-  note_refusal(candidates_[static_cast<std::size_t>(fallen)], why, 0.0);
+  note_refusal(candidates_[fallen], why, 0.0);
   fallen_.push_back(fallen);
   terms = diffnea::without(terms, without);
   go_on(terms, progress);
@@ -94,7 +94,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     if (offer.delta_bic <= options_.accept) continue;  // a parent that went first; its child may
     if (std::ranges::find(refused_candidates_, offer.term.candidate) != refused_candidates_.end())
       continue;
-    const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
+    const Candidate& c = candidates_[offer.term.candidate];
     if (c.effect.info().motor != HiddenMotor::kNone && !has_size(c, offer.term)) {
       note_refusal(c, kSizeless, offer.delta_bic);
       continue;
@@ -131,7 +131,7 @@ void Selection::renew(std::vector<Term>& terms) {
   // Beside its spring, a joint's friction is another: which side of it, and how stiff, is asked
   // anew.
   for (std::size_t i = 0; i < terms.size(); ++i)
-    if (!candidates_[static_cast<std::size_t>(terms[i].candidate)].choices.empty())
+    if (!candidates_[terms[i].candidate].choices.empty())
       terms[i] = refined(search_, terms[i], without(terms, i));
   search_.fit(terms);
 }

@@ -27,7 +27,7 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
     // An effect that does something else is no rival, however much the model lacks it.
     const double alike_share = search_.replaced_share(terms[which], offer.term, rest);
     if (alike_share < kStandsIn) continue;
-    const Candidate& c = candidates_[static_cast<std::size_t>(offer.term.candidate)];
+    const Candidate& c = candidates_[offer.term.candidate];
     Rival rival{c.effect.info().name, c.effect.where, base - offer.delta_bic - best};
     if (rival.delta_bic < 0.0) {  // better here, but not where it was not fitted
       std::vector<Term> with = rest;
@@ -67,8 +67,8 @@ std::vector<Cause> Selection::causes(const std::vector<Term>& terms) const {
     cause.delta_bic = search_.bic(gain_without, rest) - search_.bic(all, terms);
     cause.visible_share = t.visible_share();
     cause.torque_share = search_.torque_share(t);
-    cause.parameters = of_robot(candidates_[static_cast<std::size_t>(t.candidate)], t,
-                                sizes(search_, terms, i, covariances[i]));
+    cause.parameters =
+        of_robot(candidates_[t.candidate], t, sizes(search_, terms, i, covariances[i]));
     const HeldOutChange held = change(rest, terms);
     cause.gain = {std::sqrt(held.before), std::sqrt(held.after), 0.0, 0.0, held.low, held.high};
     cause.gain.explained_share = held.before > 0.0 ? 1.0 - held.after / held.before : 0.0;

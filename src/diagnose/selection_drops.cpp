@@ -23,8 +23,8 @@ bool Selection::drop_impossible(std::vector<Term>& terms) {
   bool any = false;
   for (auto at = std::ranges::find_if(terms, impossible); at != terms.end();
        at = std::ranges::find_if(terms, impossible)) {
-    const Candidate& c = candidates_[static_cast<std::size_t>(at->candidate)];
-    const std::vector<Term> rest = without(terms, static_cast<std::size_t>(at - terms.begin()));
+    const Candidate& c = candidates_[at->candidate];
+    const std::vector<Term> rest = without(terms, (at - terms.begin()));
     const double worse =
         search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
     impossible_.push_back(at->candidate);
@@ -40,7 +40,7 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
   bool anew = false;
   for (std::size_t i = terms.size(); i-- > 0;) {
     const std::vector<Term> rest = without(terms, i);
-    const Candidate& c = candidates_[static_cast<std::size_t>(terms[i].candidate)];
+    const Candidate& c = candidates_[terms[i].candidate];
     const double worse =
         search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
     if (stays(terms[i])) {
@@ -103,7 +103,7 @@ bool Selection::drop_unstable(std::vector<Term>& terms) {
         !stays(terms[i]) && share < least)
       least = share, drop = i;
   if (drop == terms.size()) return false;
-  const Candidate& c = candidates_[static_cast<std::size_t>(terms[drop].candidate)];
+  const Candidate& c = candidates_[terms[drop].candidate];
   const std::vector<Term> rest = without(terms, drop);
   note_refusal(
       c, "chosen on too few halves of the recording",

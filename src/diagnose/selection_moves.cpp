@@ -84,7 +84,7 @@ bool Selection::merge(std::vector<Term>& terms) const {
       if (terms[i].effect.joints != terms[j].effect.joints) continue;
       const std::vector<Term> rest = without(without(terms, i), j);
       const auto at_its_joints = [&](int c) {
-        return candidates_[static_cast<std::size_t>(c)].effect.joints == terms[i].effect.joints;
+        return candidates_[c].effect.joints == terms[i].effect.joints;
       };
       for (const Offer& offer : offers(rest, kInPlaceOfTwo, standing(at_its_joints))) {
         std::vector<Term> with = rest;
@@ -100,9 +100,7 @@ bool Selection::merge(std::vector<Term>& terms) const {
 
 bool Selection::simplify(std::vector<Term>& terms) const {
   const double now = search_.bic(search_.gain_of(terms), terms);
-  const auto of = [&](const Term& t) -> const Candidate& {
-    return candidates_[static_cast<std::size_t>(t.candidate)];
-  };
+  const auto of = [&](const Term& t) -> const Candidate& { return candidates_[t.candidate]; };
   // A shape that the recording does not tell is none that makes an effect simple.
   const auto complexity = [&](const Term& t) {
     return t.linear.size() + of(t).shapes.size() - (t.effect.told >= 0 ? 1 : 0);
@@ -112,7 +110,7 @@ bool Selection::simplify(std::vector<Term>& terms) const {
     const std::vector<Term> rest = without(terms, i);
     const double base = search_.bic(search_.gain_of(rest), rest);
     const auto simpler = [&](int candidate) {
-      const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+      const Candidate& c = candidates_[candidate];
       return std::ranges::any_of(terms[i].effect.joints, [&](int j) {
         return std::ranges::find(c.effect.joints, j) != c.effect.joints.end();
       });
@@ -171,7 +169,7 @@ bool Selection::sharpen(std::vector<Term>& terms) const {
 
 Wanted Selection::parts_of(const Term& whole) const {
   return standing([this, own = whole.candidate, joints = whole.effect.joints](int candidate) {
-    const Candidate& c = candidates_[static_cast<std::size_t>(candidate)];
+    const Candidate& c = candidates_[candidate];
     return !is_impossible(candidate) && c.effect.info().place == Place::kJoint &&
            c.linear.size() == 1 && c.shapes.empty() && !c.nonlinear && candidate != own &&
            std::ranges::all_of(c.effect.joints,
@@ -242,7 +240,7 @@ bool Selection::judge(std::vector<Term>& terms) {
   const std::set<int> stand = names(best);
   for (const auto& [candidate, evidence] : beside_best) {
     if (stand.contains(candidate) || evidence > most - options_.accept) continue;
-    note_refusal(candidates_[static_cast<std::size_t>(candidate)], kPredictsWorse, 0.0);
+    note_refusal(candidates_[candidate], kPredictsWorse, 0.0);
     fallen_.push_back(candidate);
   }
   terms = std::move(best);

@@ -28,8 +28,7 @@ bool shifts_all(const Search& search, const Term& term) {
   const std::vector<int>& joints = term.effect.joints;
   const std::vector<int>& all = search.evidence().joints();
   for (std::size_t k = 0; k < all.size(); ++k)
-    if (!search.evidence().passive(static_cast<long>(k)) &&
-        std::ranges::find(joints, all[k]) == joints.end())
+    if (!search.evidence().passive(k) && std::ranges::find(joints, all[k]) == joints.end())
       return false;
   return Search::shift(term) != 0.0;
 }
@@ -55,9 +54,7 @@ bool is_of_swing(const Search& search, const Term& late, const std::vector<Term>
              return false;
            const MotorSpring<double> s = motor_spring(t.effect);
            const double inertia =
-               encoder_at_motor(t.effect)
-                   ? search.candidates()[static_cast<std::size_t>(t.candidate)].swings
-                   : s.inertia;
+               encoder_at_motor(t.effect) ? search.candidates()[t.candidate].swings : s.inertia;
            return time * time * s.stiffness < inertia;
          });
 }

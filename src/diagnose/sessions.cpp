@@ -46,14 +46,14 @@ double sessions_alike(const Evidence& e, const VecX<double>& errors, const std::
   long rows = 0;
   int stretch = -1;
   for (long i = 0; i < m; ++i) {
-    const int at = e.stretch()[static_cast<std::size_t>(i)];
+    const int at = e.stretch()[i];
     if (at != stretch || rows == length) {
-      blocks.push_back({e.series()[static_cast<std::size_t>(at)].run, 0.0, 0.0});
+      blocks.push_back({e.series()[at].run, 0.0, 0.0});
       rows = 0;
       stretch = at;
     }
     ++rows;
-    if (!used[static_cast<std::size_t>(joint * m + i)]) continue;
+    if (!used[joint * m + i]) continue;
     blocks.back().sum += errors[joint * m + i];
     blocks.back().rows += 1.0;
   }

@@ -26,28 +26,27 @@ SignedFit signed_fit(const MatX<double>& K, const VecX<double>& b,
   SignedFit out;
   out.x = start.size() > 0 ? start : VecX<double>::Zero(n);
   std::vector<bool> active(nonnegative.begin(), nonnegative.end());  // held at zero
-  for (long i = 0; i < n; ++i)
-    active[static_cast<std::size_t>(i)] = active[static_cast<std::size_t>(i)] && !(out.x[i] > 0.0);
+  for (long i = 0; i < n; ++i) active[i] = active[i] && !(out.x[i] > 0.0);
   for (int iteration = 0; iteration < 10 * n + 10; ++iteration) {
     std::vector<int> on;
     for (long i = 0; i < n; ++i)
-      if (!active[static_cast<std::size_t>(i)]) on.push_back(static_cast<int>(i));
+      if (!active[i]) on.push_back(static_cast<int>(i));
     VecX<double> target = VecX<double>::Zero(n);
     if (!on.empty()) {
       const VecX<double> s = solve(K, b, on);
-      for (std::size_t i = 0; i < on.size(); ++i) target[on[i]] = s[static_cast<long>(i)];
+      for (std::size_t i = 0; i < on.size(); ++i) target[on[i]] = s[i];
     }
     // As far towards the target as signs allow.
     double step = 1.0;
     int block = -1;
     for (const int i : on)
-      if (nonnegative[static_cast<std::size_t>(i)] && target[i] < 0.0) {
+      if (nonnegative[i] && target[i] < 0.0) {
         const double t = out.x[i] / (out.x[i] - target[i]);
         if (t < step) step = t, block = i;
       }
     out.x += step * (target - out.x);
     if (block >= 0) {
-      active[static_cast<std::size_t>(block)] = true;
+      active[block] = true;
       out.x[block] = 0.0;
       continue;
     }
@@ -55,13 +54,13 @@ SignedFit signed_fit(const MatX<double>& K, const VecX<double>& b,
     long best = -1;
     double most = 1e-9;
     for (long i = 0; i < n; ++i) {
-      if (!active[static_cast<std::size_t>(i)] || !(K(i, i) > 0.0)) continue;
+      if (!active[i] || !(K(i, i) > 0.0)) continue;
       const double g =
           gradient[i] / (std::sqrt(K(i, i)) * (1.0 + std::abs(b[i]) / std::sqrt(K(i, i))));
       if (g > most) most = g, best = i;
     }
     if (best < 0) break;
-    active[static_cast<std::size_t>(best)] = false;
+    active[best] = false;
   }
   out.gain = 2.0 * b.dot(out.x) - out.x.dot(K * out.x);
   return out;

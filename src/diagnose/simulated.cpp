@@ -51,7 +51,7 @@ void hold(Tree<double>& tree, const std::vector<int>& joints) {
   const VecX<double> inertia = mass_matrix<double, double>(tree, home, ws).diagonal();
   for (int i = tree.first_joint(); i < tree.num_links(); ++i)
     if (const int dof = tree.drive(i).dof; std::ranges::count(joints, dof) > 0)
-      tree.links[static_cast<std::size_t>(i)].armature += kHeld * inertia[dof];
+      tree.links[i].armature += kHeld * inertia[dof];
 }
 
 /// Windows of one model that a simulation leaves.
@@ -99,7 +99,7 @@ class Climb {
     const long n = motion_.tolerance.size();
     VecX<double> squares = VecX<double>::Zero(n), rows = squares;
     HorizonErrors out;
-    out.of_windows.resize(static_cast<long>(windows_.size()));
+    out.of_windows.resize(std::ssize(windows_));
     for (std::size_t i = 0; i < windows_.size(); ++i) {
       const MotionWindow& w = windows_[i];
       const MotionStretch& s = motion_.stretches[w.stretch];
@@ -117,14 +117,14 @@ class Climb {
             count[j] += 1.0;
           }
           if (!first && (std::isnan(q(k, j)) || (measured && std::abs(error) > motion_.size[j])))
-            first = Left{i, j, s.time[static_cast<std::size_t>(w.first + k)]};
+            first = Left{i, j, s.time[w.first + k]};
         }
       const VecX<double> most = count.cwiseProduct(motion_.size.cwiseAbs2());
       const bool apart = !(of_window.array() <= most.array()).all();
       if (apart && first) out.left.push_back(*first);
       for (long j = 0; j < n; ++j)
         if (!(of_window[j] <= most[j])) of_window[j] = most[j];
-      out.of_windows[static_cast<long>(i)] =
+      out.of_windows[i] =
           of_window.cwiseQuotient(count.cwiseMax(1.0).cwiseProduct(motion_.tolerance.cwiseAbs2()))
               .sum();
       squares += of_window;
@@ -175,8 +175,8 @@ class Both {
       SimulatedSeries s;
       s.joint = names_[j];
       s.unit = unit_of_joint(base, static_cast<int>(j), false);
-      s.noise = motion_.noise.position[static_cast<long>(j)];
-      s.tolerance = motion_.tolerance[static_cast<long>(j)];
+      s.noise = motion_.noise.position[j];
+      s.tolerance = motion_.tolerance[j];
       out_.joints.push_back(s);
     }
   }
@@ -252,7 +252,7 @@ class Both {
     reported_[m] = true;
     for (const Left& l : left) {
       const MotionWindow& w = climbs_[m].windows()[l.window];
-      out_.apart.push_back({m == 0 ? "base" : "extended", names_[static_cast<std::size_t>(l.joint)],
+      out_.apart.push_back({m == 0 ? "base" : "extended", names_[l.joint],
                             motion_.stretches[w.stretch].run - first_run(), l.time, horizon});
     }
   }
@@ -322,10 +322,10 @@ class Both {
       const RowMatX<double> q1 = both ? climbs_[second].positions(kept_[second][shown][i]) : q0;
       for (std::size_t j = 0; j < out_.joints.size(); ++j) {
         SimulatedSeries& s = out_.joints[j];
-        const long c = static_cast<long>(j);
+        const long c = j;
         for (long k = 0; k < w.rows; k += stride) {
           const bool ends = k + stride >= w.rows;
-          s.time.push_back(stretch.time[static_cast<std::size_t>(w.first + k)]);
+          s.time.push_back(stretch.time[w.first + k]);
           s.measured.push_back(stretch.q(w.first + k, c));
           s.base.push_back(ends ? kNaN : q0(k, c));
           s.extended.push_back(ends || !both ? kNaN : q1(k, c));

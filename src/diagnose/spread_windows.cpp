@@ -16,7 +16,7 @@ long later_than(const MotionStretch& s, double time) {
 
 /// The window from a row on, as long as the horizon or nearly; no rows: there is none.
 MotionWindow window_from(const MotionStretch& s, std::size_t stretch, long first, double horizon) {
-  const double from = s.time[static_cast<std::size_t>(first)];
+  const double from = s.time[first];
   const long end = later_than(s, from + horizon * (1.0 + 1e-9));
   const bool long_enough = s.time.back() - from >= kNearly * horizon;
   return {stretch, first, long_enough && end - first > 2 ? end - first : 0, {}};

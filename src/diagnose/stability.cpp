@@ -57,7 +57,7 @@ class Half {
     std::vector<bool> signs;
     double parameters = 0.0, penalty = 0.0;
     for (const int c : chosen) {
-      const Slot& p = slots_[static_cast<std::size_t>(c)];
+      const Slot& p = slots_[c];
       linear.insert(linear.end(), p.linear.begin(), p.linear.end());
       signs.insert(signs.end(), p.signs.begin(), p.signs.end());
       if (p.offset >= 0) offsets.push_back(p.offset);
@@ -128,9 +128,8 @@ std::vector<std::vector<long>> blocks_of(const Evidence& evidence, double second
   std::vector<std::vector<long>> out;
   int stretch = -1;
   for (long i = 0; i < evidence.times(); ++i) {
-    const int at = evidence.stretch()[static_cast<std::size_t>(i)];
-    if (out.empty() || at != stretch || static_cast<long>(out.back().size()) >= length)
-      out.emplace_back();
+    const int at = evidence.stretch()[i];
+    if (out.empty() || at != stretch || std::ssize(out.back()) >= length) out.emplace_back();
     stretch = at;
     out.back().push_back(i);
   }
@@ -171,7 +170,7 @@ std::vector<HalfChoice> choose_on_halves(const Search& search, const std::vector
     std::vector<long> rows;
     for (long k = 0; k < n / m; ++k)
       for (const long i : instants)
-        if (kept[static_cast<std::size_t>(k * m + i)]) rows.push_back(k * m + i);
+        if (kept[k * m + i]) rows.push_back(k * m + i);
     const MatX<double> of = all(rows, Eigen::all);
     return Products{of.transpose() * of, static_cast<double>(rows.size())};
   };

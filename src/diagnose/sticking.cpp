@@ -121,17 +121,16 @@ bool sticks_at_turns(const std::vector<Turn>& turns) {
   std::vector<double> rests;
   for (const Turn& t : turns)
     if (t.rest >= kTurns) rests.push_back(t.rest);
-  return static_cast<long>(rests.size()) >= kFewest && median(rests) > kSticks;
+  return std::ssize(rests) >= kFewest && median(rests) > kSticks;
 }
 
 std::vector<bool> stands_still(const std::vector<Turn>& turns, const Standstill& still, long rows,
                                bool everywhere) {
-  std::vector<bool> out(static_cast<std::size_t>(rows), false);
+  std::vector<bool> out(rows, false);
   for (const Turn& t : turns) {
     if (!everywhere && !stands(t, still)) continue;
     const long last = std::min(t.last + still.margin, rows - 1);
-    for (long i = std::max(t.first - still.margin, 0L); i <= last; ++i)
-      out[static_cast<std::size_t>(i)] = true;
+    for (long i = std::max(t.first - still.margin, 0L); i <= last; ++i) out[i] = true;
   }
   return out;
 }
@@ -155,7 +154,7 @@ StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstil
     for (std::size_t i = 0; i < positions.size(); ++i) {
       const long rows = positions[i].size();
       out.rows.push_back(never_moves || (stands[i] && rows >= still.pause)
-                             ? std::vector<bool>(static_cast<std::size_t>(rows), true)
+                             ? std::vector<bool>(rows, true)
                              : stands_still(turns[i], told, rows, everywhere));
     }
     return out;
@@ -166,7 +165,7 @@ StuckRows stuck_rows(const std::vector<VecX<double>>& positions, const Standstil
   long left_out = 0, rows = 0;
   for (const std::vector<bool>& stretch : out.rows) {
     left_out += std::ranges::count(stretch, true);
-    rows += static_cast<long>(stretch.size());
+    rows += std::ssize(stretch);
   }
   return static_cast<double>(left_out) > kMostLeftOut * static_cast<double>(rows) ? leave_out(false)
                                                                                   : out;

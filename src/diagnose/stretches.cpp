@@ -29,13 +29,10 @@ void append(const Eigen::Ref<const RowMatX<double>>& rows, RowMatX<double>& to) 
 void Stretches::add(const Preprocessed& block) {
   for (long row = 0; row < block.rows();) {
     long end = row;
-    while (end < block.rows() && block.segment[static_cast<std::size_t>(end)] ==
-                                     block.segment[static_cast<std::size_t>(row)])
-      ++end;
+    while (end < block.rows() && block.segment[end] == block.segment[row]) ++end;
     const bool new_run = about_.empty() || about_.back().run != block.run;
     if (new_run) run_start_ = block.time[row];
-    if (new_run || about_.back().segment[0] != block.segment[static_cast<std::size_t>(row)])
-      begin(block, row);
+    if (new_run || about_.back().segment[0] != block.segment[row]) begin(block, row);
     JointSeries& s = series_.back();
     const long count = end - row;
     append(block.q.middleRows(row, count), s.q);
@@ -61,7 +58,7 @@ void Stretches::begin(const Preprocessed& block, long row) {
   of.dt = block.dt;
   of.has_tau = block.has_tau;
   of.time = VecX<double>::Constant(1, block.time[row]);
-  of.segment = {block.segment[static_cast<std::size_t>(row)]};
+  of.segment = {block.segment[row]};
   about_.push_back(std::move(of));
 }
 
@@ -97,7 +94,7 @@ Preprocessed Stretches::rows_of(std::size_t i, const JointSeries& s, long from,
   out.tau = series_[i].logged.middleRows(from, count);
   const double begin = about_[i].time[0] + s.dt * static_cast<double>(from);
   out.time = VecX<double>::LinSpaced(count, begin, begin + s.dt * static_cast<double>(count - 1));
-  out.segment.assign(static_cast<std::size_t>(count), about_[i].segment[0]);
+  out.segment.assign(count, about_[i].segment[0]);
   return out;
 }
 

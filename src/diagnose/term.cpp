@@ -16,9 +16,8 @@ constexpr double kSwing = 0.3;
 }  // namespace
 
 VecX<double> Term::values() const {
-  VecX<double> out(static_cast<long>(linear.size()));
-  for (std::size_t k = 0; k < linear.size(); ++k)
-    out[static_cast<long>(k)] = effect.parameters[static_cast<std::size_t>(linear[k])];
+  VecX<double> out(std::ssize(linear));
+  for (std::size_t k = 0; k < linear.size(); ++k) out[k] = effect.parameters[linear[k]];
   return out;
 }
 
@@ -47,19 +46,17 @@ Term term_at(const Candidate& c, int index, const std::vector<double>& point) {
   term.linear = c.linear;
   term.shapes = c.shapes;
   // A spring that is not there has a rest anywhere: its column shows at a stiffness of 1 alone.
-  const bool has_rest =
-      term.linear.size() > 1 && std::ranges::any_of(term.linear, [&](int k) {
-        return scale_of(term, k) == Scale::kPlain &&
-               term.effect.parameter_info[static_cast<std::size_t>(k)].sign == Sign::kFree;
-      });
+  const bool has_rest = term.linear.size() > 1 && std::ranges::any_of(term.linear, [&](int k) {
+                          return scale_of(term, k) == Scale::kPlain &&
+                                 term.effect.parameter_info[k].sign == Sign::kFree;
+                        });
   for (const int k : term.linear)
-    term.effect.parameters[static_cast<std::size_t>(k)] =
-        has_rest && scale_of(term, k) == Scale::kLinear ? 1.0 : 0.0;
+    term.effect.parameters[k] = has_rest && scale_of(term, k) == Scale::kLinear ? 1.0 : 0.0;
   c.set(point, term.effect);
   if (c.swings > 0.0 && encoder_at_motor(term.effect)) {
     const auto damping =
         std::ranges::find(term.effect.parameter_info, "damping", &ParameterInfo::name);
-    term.effect.parameters[static_cast<std::size_t>(damping - term.effect.parameter_info.begin())] =
+    term.effect.parameters[damping - term.effect.parameter_info.begin()] =
         2.0 * kSwing * std::sqrt(motor_spring(term.effect).stiffness * c.swings);
   }
   return term;
@@ -77,8 +74,7 @@ void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term
 
 std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linear) {
   std::vector<bool> out;
-  for (const int k : linear)
-    out.push_back(effect.parameter_info[static_cast<std::size_t>(k)].sign != Sign::kFree);
+  for (const int k : linear) out.push_back(effect.parameter_info[k].sign != Sign::kFree);
   return out;
 }
 
@@ -90,7 +86,7 @@ std::vector<bool> signs(const std::vector<Term>& terms) {
 }
 
 Scale scale_of(const Term& term, int parameter) {
-  return scale(term.effect.parameter_info[static_cast<std::size_t>(parameter)]);
+  return scale(term.effect.parameter_info[parameter]);
 }
 
 bool is_like_friction(const TriedEffect& effect) {

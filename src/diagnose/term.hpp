@@ -30,12 +30,12 @@ struct Term {
   std::vector<double> shares;  ///< of each of `columns`, whitened, what the base leaves
 
   /// Whether this recording shows a linear parameter beside the base.
-  bool told(long k) const { return shares[static_cast<std::size_t>(k)] > kInvisible; }
+  bool told(long k) const { return shares[k] > kInvisible; }
   /// What this recording tells: linear parameters that show, and shapes.
   int num_parameters() const {
     return static_cast<int>(
         std::ranges::count_if(shares, [](double share) { return share > kInvisible; }) +
-        static_cast<std::ptrdiff_t>(shapes.size()));
+        std::ssize(shapes));
   }
   long width() const { return columns.cols(); }
   bool has_offset() const { return offset.size() > 0; }

@@ -127,7 +127,7 @@ std::vector<JointEquation> joint_equations(const Tree<double>& tree, const Joint
 
 TorqueFilter::TorqueFilter(const JointEquation& e, double dt, int every) : every_(every) {
   const long rows = e.inertia.size();
-  gain_.reserve(static_cast<std::size_t>(rows));
+  gain_.reserve(rows);
   Eigen::Matrix2d P = Eigen::Vector2d(1.0, 1.0 / (dt * dt)).asDiagonal();
   P *= kUnknown * e.variance[0];
   for (long k = 0; k < rows; ++k) {
@@ -171,7 +171,7 @@ void TorqueFilter::push(const Eigen::Ref<const RowMatX<double>>& torque, const d
   auto q = state.x.col(0).array(), v = state.x.col(1).array();
   VecX<double> before(width);
   for (long i = 0; i < count; ++i) {
-    const Gain& g = gain_[static_cast<std::size_t>(state.sample)];
+    const Gain& g = gain_[state.sample];
     const auto now = torque.row(i).transpose().array();
     const Eigen::Map<const VecX<double>> after(
         i + 1 < count ? torque.row(i + 1).data() : next ? next : torque.row(i).data(), width);
@@ -197,7 +197,7 @@ VecX<double> TorqueFilter::shown(const VecX<double>& positions) const {
   VecX<double> out(rows());
   double q = 0.0, v = 0.0, sum = 0.0;
   for (long i = 0; i < positions.size(); ++i) {
-    const Gain& g = gain_[static_cast<std::size_t>(i)];
+    const Gain& g = gain_[i];
     const double before = q, y = positions[i];
     sum += g.weight * (before - y);
     q = g.a00 * before + g.f01 * v + g.update0 * y;

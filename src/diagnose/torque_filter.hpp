@@ -57,7 +57,7 @@ class TorqueFilter {
   TorqueFilter(const JointEquation& equation, double dt, int every);
 
   /// Rows of a stretch of N samples.
-  long rows() const { return static_cast<long>(gain_.size()) / every_; }
+  long rows() const { return std::ssize(gain_) / every_; }
   /// The first of them that no longer hangs on how little was known of the first state.
   long settled() const;
 

@@ -15,15 +15,15 @@ std::set<int> dry_joints(const FitLayout& layout) {
   std::set<int> out;
   for (const FitParameter& s : layout.shape)
     if (is_smoothing(s))
-      for (const int j : layout.effects[static_cast<std::size_t>(s.effect)].joints) out.insert(j);
+      for (const int j : layout.effects[s.effect].joints) out.insert(j);
   return out;
 }
 
 BoundEffect friction_of(const FitLayout& layout, const FitParameter& smoothing) {
-  BoundEffect out = layout.effects[static_cast<std::size_t>(smoothing.effect)];
+  BoundEffect out = layout.effects[smoothing.effect];
   for (const auto* list : {&layout.linear, &layout.shape})
     for (const FitParameter& p : *list)
-      if (p.effect == smoothing.effect) out.parameters[static_cast<std::size_t>(p.index)] = p.prior;
+      if (p.effect == smoothing.effect) out.parameters[p.index] = p.prior;
   return out;
 }
 
@@ -37,7 +37,7 @@ std::array<RowMatX<double>, kTurnColumns> turn_columns(const BoundEffect& fricti
   };
   const auto sharper = [&](double factor) {
     std::vector<double> p = friction.parameters;
-    p[static_cast<std::size_t>(smoothing)] *= factor;
+    p[smoothing] *= factor;
     return series_columns(friction, base, x, p.data(), {smoothing}).front();
   };
   return {(moved(kEarlier) - moved(-kEarlier)) / 2.0,

@@ -252,7 +252,7 @@ UnfoldedBase::UnfoldedBase(const Model& model, const RecordingSource& train,
   const std::vector<Vec3d> of_world = lines(), of_base = lines();
   MatX<double> largest = MatX<double>::Zero(std::ssize(of_world), std::ssize(of_base));
   Eigen::Matrix3Xd w(3, std::ssize(of_world)), u(3, std::ssize(of_base));
-  for (long k = 0; k < w.cols(); ++k) w.col(k) = u.col(k) = of_world[static_cast<std::size_t>(k)];
+  for (long k = 0; k < w.cols(); ++k) w.col(k) = u.col(k) = of_world[k];
   bool pushed = true;
   std::string source;
   for (const RecordingSource* of : {&train, test}) {
@@ -297,7 +297,7 @@ UnfoldedBase::UnfoldedBase(const Model& model, const RecordingSource& train,
   for (int k = 0; k < kBaseJoints; ++k) {
     ModelLink link;
     if (k == kBaseJoints - 1) link = model.links[0];
-    link.joint = names_[static_cast<std::size_t>(k)];
+    link.joint = names_[k];
     if (k < kBaseJoints - 1) link.name = link.joint;
     link.parent = k - 1;
     link.type = k < 3 ? ModelJoint::kPrismatic : ModelJoint::kRevolute;

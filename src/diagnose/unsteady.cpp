@@ -44,8 +44,7 @@ constexpr double kMostOfIt = 0.3;
 constexpr double kSlow = 0.2;
 
 bool counts(const Rest& rest, long k, long i) {
-  return (rest.used.empty() ||
-          rest.used[static_cast<std::size_t>(k * rest.evidence.times() + i)]) &&
+  return (rest.used.empty() || rest.used[k * rest.evidence.times() + i]) &&
          !rest.evidence.rests(i, k);
 }
 
@@ -60,9 +59,7 @@ std::vector<Stretch> stretches_of(const Rest& rest, long k, const VecX<double>& 
   std::vector<Stretch> out;
   const long m = e.times();
   for (long begin = 0, end = 0; begin < m; begin = end) {
-    while (end < m && e.stretch()[static_cast<std::size_t>(end)] ==
-                          e.stretch()[static_cast<std::size_t>(begin)])
-      ++end;
+    while (end < m && e.stretch()[end] == e.stretch()[begin]) ++end;
     Stretch s{rows.segment(k * m + begin, end - begin), VecX<double>::Ones(end - begin)};
     for (long i = begin; i < end && !all; ++i)
       if (!counts(rest, k, i)) s.rows[i - begin] = s.counted[i - begin] = 0.0;
@@ -101,8 +98,7 @@ detail::Spectrum spectrum(const std::vector<Stretch>& stretches, double rate_hz,
 
 double sum(const std::vector<double>& power, long from, long to) {
   double out = 0.0;
-  for (long b = std::max(from, 0L); b <= std::min(to, std::ssize(power) - 1); ++b)
-    out += power[static_cast<std::size_t>(b)];
+  for (long b = std::max(from, 0L); b <= std::min(to, std::ssize(power) - 1); ++b) out += power[b];
   return out;
 }
 
@@ -137,7 +133,7 @@ Line line_at(const std::vector<Stretch>& stretches, const detail::Spectrum& of, 
   const detail::Spectrum rest = spectrum(left, of.rate_hz, 2 * (bins - 1));
   std::vector<double> beside;
   for (long b = std::max(1L, bin - kAbout); b <= std::min(bin + kAbout, bins - 1); ++b)
-    if (std::abs(b - bin) > kLobe) beside.push_back(rest.power[static_cast<std::size_t>(b)]);
+    if (std::abs(b - bin) > kLobe) beside.push_back(rest.power[b]);
   out.above = sum(of.power, bin - 1, bin + 1) / (3.0 * std::max(median(beside), 1e-300));
   return out;
 }
@@ -158,9 +154,8 @@ std::vector<Line> lines(const Rest& rest, long k) {
   const double limit = std::log(static_cast<double>(bins) / kChance) / std::numbers::ln2;
   std::vector<Line> out;
   for (long b = kLobe; b + 1 < bins; ++b) {
-    const double power = of.power[static_cast<std::size_t>(b)];
-    if (power < of.power[static_cast<std::size_t>(b - 1)] ||
-        power < of.power[static_cast<std::size_t>(b + 1)] ||
+    const double power = of.power[b];
+    if (power < of.power[b - 1] || power < of.power[b + 1] ||
         sum(of.power, b - kLobe, b + kLobe) < kWorth * whole)
       continue;
     const Line line = line_at(left, of, b);
@@ -191,16 +186,14 @@ struct Block {
 std::vector<Block> blocks(const Rest& rest, long k) {
   const Evidence& e = rest.evidence;
   const long m = e.times(), length = std::max(4L, std::lround(kBlow / e.step()));
-  const int joint = e.joints()[static_cast<std::size_t>(k)];
+  const int joint = e.joints()[k];
   const VecX<double> q = e.q(k).col(joint), qd = e.qd(k).col(joint);
   std::vector<Block> out;
   for (long begin = 0; begin + length <= m; begin += length) {
     Block block;
     double rows = 0.0;
     for (long i = begin; i < begin + length; ++i) {
-      if (!counts(rest, k, i) ||
-          e.stretch()[static_cast<std::size_t>(i)] != e.stretch()[static_cast<std::size_t>(begin)])
-        continue;
+      if (!counts(rest, k, i) || e.stretch()[i] != e.stretch()[begin]) continue;
       ++rows;
       block.position += q[i];
       block.speed += qd[i];

@@ -61,11 +61,11 @@ struct Promise {
 };
 
 std::vector<Basis> bases(const Evidence& e, long of, const std::vector<std::string>& names) {
-  const int joint = e.joints()[static_cast<std::size_t>(of)];
+  const int joint = e.joints()[of];
   std::vector<Variable> single;
   for (int j = 0; j < e.num_dofs(); ++j) {
-    single.push_back({"q_" + names[static_cast<std::size_t>(j)], 0, j});
-    single.push_back({"qd_" + names[static_cast<std::size_t>(j)], 1, j});
+    single.push_back({"q_" + names[j], 0, j});
+    single.push_back({"qd_" + names[j], 1, j});
   }
   single.push_back({"time", 2, -1});
   std::vector<Basis> out;
@@ -73,13 +73,12 @@ std::vector<Basis> bases(const Evidence& e, long of, const std::vector<std::stri
   const auto pair = [&](const Variable& a, const Variable& b) {
     out.push_back({{a, b}, {knots(values(e, of, a), kKnotsPair), knots(values(e, of, b), kKnotsPair)}});
   };
-  const Variable q = single[2 * static_cast<std::size_t>(joint)],
-                 qd = single[2 * static_cast<std::size_t>(joint) + 1];
+  const Variable q = single[2 * joint], qd = single[2 * joint + 1];
   pair(q, qd);
   for (int j = 0; j < e.num_dofs(); ++j)
     if (j != joint) {
-      pair(q, single[2 * static_cast<std::size_t>(j)]);
-      pair(qd, single[2 * static_cast<std::size_t>(j) + 1]);
+      pair(q, single[2 * j]);
+      pair(qd, single[2 * j + 1]);
     }
   return out;
 }
@@ -115,7 +114,7 @@ std::vector<Term> beside(const Search& search, std::vector<Term> terms,
     const VecX<double> x = Eigen::HouseholderQR<MatX<double>>(of.S).solve(of.left);
     long at = 0;
     for (Term& t : terms) {
-      for (const int k : t.linear) t.effect.parameters[static_cast<std::size_t>(k)] = x[at++];
+      for (const int k : t.linear) t.effect.parameters[k] = x[at++];
       if (t.has_offset()) search.set_columns(t);
     }
   }
@@ -139,7 +138,7 @@ std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search&
   const Prediction before = held_out.predicted(search, terms);
   std::vector<WitnessScore> out;
   for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
-    const long own = static_cast<long>(k), m = evidence.times();
+    const long own = k, m = evidence.times();
     // Rows of this joint in an orthonormal basis of all that is fitted: no other meets its torque.
     MatX<double> fitted(m, projection.rank() + Q.cols());
     fitted << projection.basis().middleRows(own * m, m), Q.middleRows(own * m, m);
