@@ -4,12 +4,12 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include <diffnea/core/error.hpp>
-#include <diffnea/core/random.hpp>
 
-#include "diagnose/thresholds.hpp"
+#include "diagnose/resampling.hpp"
 #include "identify/passes.hpp"
 #include "recording/overlap.hpp"
 
@@ -265,55 +265,40 @@ HeldOutChange HeldOut::compare(const Prediction& without, const Prediction& with
     instants += any;
   }
   const long block = block_of(evidence_, instants);
-  std::vector<double> square, removed, size;  // of each block
+  // Of each block: its square, what is removed of it, its rows, then twice their log-likelihood.
+  std::vector<std::array<double, 3>> of_blocks;
   for (long i = 0; i < m;) {
     double s = 0.0, d = 0.0;
     long count = 0, of_block = 0;
     const int stretch = evidence_.stretch()[i];
     for (; i < m && count < block && evidence_.stretch()[i] == stretch; ++i, ++count)
-      for (std::size_t k = 0; k < evidence_.joints().size(); ++k) {
-        const long row = static_cast<long>(k) * m + i;
+      for (long row = i; row < before.size(); row += m) {
         s += before[row] * before[row];
         d += before[row] * before[row] - after[row] * after[row];
         of_block += before[row] != 0.0 || after[row] != 0.0;
       }
-    if (s == 0.0 && d == 0.0) continue;
-    square.push_back(s);
-    removed.push_back(d);
-    size.push_back(static_cast<double>(of_block));
+    if (s != 0.0 || d != 0.0) of_blocks.push_back({s, d, static_cast<double>(of_block)});
   }
-  const double blocks = static_cast<double>(square.size());
-  for (double& s : square) s += without.moved / blocks;
-  for (double& d : removed) d += (without.moved - with.moved) / blocks;
-  std::vector<double> gained;  // in units of twice a log-likelihood
-  for (std::size_t b = 0; b < square.size(); ++b)
-    gained.push_back(-size[b] * std::log(std::max(1.0 - removed[b] / square[b], 1e-300)));
+  const double blocks = static_cast<double>(of_blocks.size());
+  for (auto& [square, removed, gained] : of_blocks) {
+    square += without.moved / blocks;
+    removed += (without.moved - with.moved) / blocks;
+    gained *= -std::log(std::max(1.0 - removed / square, 1e-300));
+  }
   HeldOutChange out;
   long rows = 0;
   for (long i = 0; i < before.size(); ++i) rows += before[i] != 0.0 || after[i] != 0.0;
-  if (square.empty() || rows == 0) return out;
+  if (of_blocks.empty() || rows == 0) return out;
   out.before = (before.squaredNorm() + without.moved) / static_cast<double>(rows);
   out.after = (after.squaredNorm() + with.moved) / static_cast<double>(rows);
-  Rng rng(seed_ + 0x9e37);
-  std::vector<double> shares(kResamples), logs(kResamples);
-  for (std::size_t i = 0; i < kResamples; ++i) {
-    double s = 0.0, d = 0.0, log = 0.0;
-    for (std::size_t b = 0; b < square.size(); ++b) {
-      const std::size_t pick =
-          static_cast<std::size_t>(rng.uniform() * static_cast<double>(square.size()));
-      s += square[pick];
-      d += removed[pick];
-      log += gained[pick];
-    }
-    shares[i] = d / s;
-    logs[i] = log;
+  std::vector<double> shares, logs;
+  for (const auto& [square, removed, gained] : bootstrap(of_blocks, Rng(seed_ + 0x9e37))) {
+    shares.push_back(removed / square);
+    logs.push_back(gained);
   }
-  std::ranges::sort(shares);
-  std::ranges::sort(logs);
-  out.log_low = logs[static_cast<std::size_t>(0.025 * kResamples)];
-  out.low = shares[static_cast<std::size_t>(0.025 * kResamples)];
-  out.high = shares[static_cast<std::size_t>(0.975 * kResamples)];
-  if (square.size() < kFewestBlocks) {
+  out.log_low = interval(logs).first;
+  std::tie(out.low, out.high) = interval(shares);
+  if (of_blocks.size() < kFewestBlocks) {
     out.low = std::min(out.low, 0.0);
     out.log_low = std::min(out.log_low, 0.0);
     out.high = std::max(out.high, 0.0);

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
-#include <diffnea/core/random.hpp>
-
-#include "diagnose/thresholds.hpp"
+#include "diagnose/resampling.hpp"
 
 namespace diffnea {
 namespace {
@@ -59,14 +58,12 @@ double sessions_alike(const Evidence& e, const VecX<double>& errors, const std::
   }
   std::erase_if(blocks, [](const Block& b) { return b.rows == 0.0; });
   std::vector<std::size_t> order(blocks.size());
-  for (std::size_t b = 0; b < order.size(); ++b) order[b] = b;
+  std::iota(order.begin(), order.end(), 0);
   const double seen = between(blocks, order);
   Rng rng(seed + 0x5e55);
   int as_much = 0;
-  for (int draw = 0; draw < kResamples; ++draw) {
-    for (std::size_t i = order.size(); i-- > 1;)  // Fisher, Yates
-      std::swap(order[i],
-                order[static_cast<std::size_t>(rng.uniform() * static_cast<double>(i + 1))]);
+  for (int i = 0; i < kResamples; ++i) {
+    shuffle(order, rng);
     as_much += between(blocks, order) >= seen * (1.0 - 1e-9);
   }
   return static_cast<double>(as_much) / kResamples;

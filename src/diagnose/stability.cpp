@@ -4,11 +4,9 @@
 #include <cmath>
 #include <numeric>
 
-#include <diffnea/core/random.hpp>
-
 #include "core/decompositions.hpp"
+#include "diagnose/resampling.hpp"
 #include "diagnose/signed_fit.hpp"
-#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
@@ -189,9 +187,7 @@ std::vector<HalfChoice> choose_on_halves(const Search& search, const std::vector
   std::iota(order.begin(), order.end(), 0);
   std::vector<HalfChoice> out;
   for (int pair = 0; pair < kPairs; ++pair) {
-    for (std::size_t i = order.size(); i-- > 1;)  // Fisher, Yates
-      std::swap(order[i],
-                order[static_cast<std::size_t>(rng.uniform() * static_cast<double>(i + 1))]);
+    shuffle(order, rng);
     for (int half = 0; half < 2; ++half) {
       Products sum{prior, 0.0};
       for (std::size_t i = static_cast<std::size_t>(half); i < order.size(); i += 2) {

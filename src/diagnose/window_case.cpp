@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
+#include <utility>
 
-#include <diffnea/core/random.hpp>
-
-#include "diagnose/thresholds.hpp"
+#include "diagnose/resampling.hpp"
 
 namespace diffnea {
 
@@ -37,27 +37,17 @@ double window_delta_bic(double less, double more, double n, double correlation,
 }
 
 HeldOutChange change_over(const HeldOutBlocks& blocks, std::uint64_t seed) {
-  const auto& [before, after, numbers] = blocks;
-  const double n = std::max(numbers, 1.0);
   HeldOutChange out;
-  for (const double e : before) out.before += e / n;
-  for (const double e : after) out.after += e / n;
-  Rng rng(seed);
-  std::vector<double> shares;
-  for (int i = 0; i < kResamples; ++i) {
-    double less = 0.0, more = 0.0;
-    for (std::size_t w = 0; w < before.size(); ++w) {
-      const auto pick =
-          std::min(before.size() - 1, static_cast<std::size_t>(
-                                          rng.uniform() * static_cast<double>(before.size())));
-      less += before[pick];
-      more += after[pick];
-    }
-    shares.push_back((less - more) / std::max(less, 1e-300));
+  std::vector<std::array<double, 2>> squares;
+  for (std::size_t b = 0; b < blocks.before.size(); ++b) {
+    squares.push_back({blocks.before[b], blocks.after[b]});
+    out.before += blocks.before[b] / std::max(blocks.n, 1.0);
+    out.after += blocks.after[b] / std::max(blocks.n, 1.0);
   }
-  std::ranges::sort(shares);
-  out.low = shares[static_cast<std::size_t>(0.025 * kResamples)];
-  out.high = shares[static_cast<std::size_t>(0.975 * kResamples)];
+  std::vector<double> shares;
+  for (const auto& [before, after] : bootstrap(squares, Rng(seed)))
+    shares.push_back((before - after) / std::max(before, 1e-300));
+  std::tie(out.low, out.high) = interval(std::move(shares));
   return out;
 }
 
