@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "diagnose/signed_fit.hpp"
+
 namespace diffnea {
 
 MatX<double> product(const Beside& a, const Beside& b) {
@@ -23,11 +25,7 @@ Beside combined(const Beside& a, const VecX<double>& weights) {
 
 double left_beside(const MatX<double>& products, const VecX<double>& with, double square) {
   if (with.size() == 0) return std::max(square, 0.0);
-  const VecX<double> unit = products.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  MatX<double> K = unit.asDiagonal() * products * unit.asDiagonal();
-  K.diagonal().array() += 1e-10;
-  const VecX<double> b = unit.cwiseProduct(with);
-  return std::max(square - b.dot(K.ldlt().solve(b)), 0.0);
+  return std::max(square - with.dot(ridge_solve(products, with, 1e-10)), 0.0);
 }
 
 }  // namespace diffnea

@@ -71,11 +71,7 @@ void drop_noisy_limits(const Evidence& evidence, double tau_noise, Candidate& c)
 
 /// Below a few v₀, Stribeck's curve only mends how friction turns.
 void bound_stribeck(const FitLayout& layout, Candidate& c) {
-  const auto value = [&](const char* name) {
-    const auto at = std::ranges::find(c.effect.parameter_info, name, &ParameterInfo::name);
-    return c.effect.parameters[at - c.effect.parameter_info.begin()];
-  };
-  double v0 = value("smoothing");
+  double v0 = c.effect.parameters[c.effect.index_of("smoothing")];
   for (const FitParameter& shape : layout.shape)
     if (is_smoothing(shape) && shape.name.starts_with(c.effect.where + "."))
       v0 = std::max(v0, shape.prior);
@@ -200,6 +196,11 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
   std::vector<Candidate> kept;
   for (Candidate& c : candidates) {
     const EffectInfo& info = c.effect.info();
+    const auto refuse = [&](const std::string& where, const std::string& why) {  // once
+      if (std::ranges::none_of(
+              refused, [&](const Refusal& r) { return r.effect == info.name && r.where == where; }))
+        refused.push_back({info.name, where, why, 0.0});
+    };
     if (info.has(Trait::kOfDrive) && is_passive(evidence, c.effect)) continue;
     if (lacks_motor(evidence, c.effect)) continue;
     if (std::string why = not_in_loops(evidence, c); !why.empty()) {
@@ -213,29 +214,22 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     }
     if (is_of_resting(evidence, c.effect)) continue;
     if (is_of_runs(c.effect) && !tells_sessions(evidence)) {
-      if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == info.name; }))
-        refused.push_back(
-            {info.name, "all",
-             "not tried: no run is longer than the second in which errors go together", 0.0});
+      refuse("all", "not tried: no run is longer than the second in which errors go together");
       continue;
     }
     // Bristles are why it sticks there, and show in the turns that are left out.
     if (c.bound() == SearchBound::kPresliding && std::ranges::any_of(c.effect.joints, [&](int j) {
-          return std::ranges::find(evidence.sticking(), j) != evidence.sticking().end();
+          return std::ranges::count(evidence.sticking(), j) > 0;
         })) {
-      refused.push_back({info.name, c.effect.where,
-                         "not tried: the joint sticks wherever it turns back, which is left out",
-                         0.0});
+      refuse(c.effect.where,
+             "not tried: the joint sticks wherever it turns back, which is left out");
       continue;
     }
     // Columns of fourth derivatives share the noise of what they are to explain, unless they come
     // from other samples.
     if (!halves && info.motor != HiddenMotor::kNone) {
-      if (std::ranges::none_of(refused, [&](const Refusal& r) { return r.effect == info.name; }))
-        refused.push_back(
-            {info.name, "all",
-             "not tried: needs a log of five times the path's cut-off, and so of held-out data",
-             0.0});
+      refuse("all",
+             "not tried: needs a log of five times the path's cut-off, and so of held-out data");
       continue;
     }
     std::string none;
@@ -266,7 +260,7 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
         bound_stribeck(layout, c);
         break;
     }
-    if (c.grid.empty() && !none.empty()) refused.push_back({info.name, c.effect.where, none, 0.0});
+    if (c.grid.empty() && !none.empty()) refuse(c.effect.where, none);
     if (!c.grid.empty()) kept.push_back(std::move(c));
   }
   candidates = std::move(kept);

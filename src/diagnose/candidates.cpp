@@ -157,6 +157,11 @@ bool sits_at_base(const BoundEffect& effect, int base) {
 
 }  // namespace
 
+int TriedEffect::index_of(const std::string& name) const {
+  const auto at = std::ranges::find(parameter_info, name, &ParameterInfo::name);
+  return at == parameter_info.end() ? -1 : static_cast<int>(at - parameter_info.begin());
+}
+
 EffectSpec to_spec(const TriedEffect& effect) {
   BoundEffect of_model = effect;
   if (effect.told >= 0) {
@@ -248,11 +253,9 @@ void add_own_candidates(const std::vector<OwnCandidate>& own, const Model& model
 void tell_flights(std::vector<Candidate>& candidates) {
   for (Candidate& c : candidates) {
     if (c.effect.own || c.effect.info().motor != HiddenMotor::kOther) continue;
-    const auto restitution =
-        std::ranges::find(c.effect.parameter_info, "restitution", &ParameterInfo::name);
-    c.shapes.push_back(static_cast<int>(restitution - c.effect.parameter_info.begin()));
+    c.shapes.push_back(c.effect.index_of("restitution"));
     c.shape_low.push_back(0.0);
-    c.shape_high.push_back(restitution->most);
+    c.shape_high.push_back(c.effect.parameter_info[c.shapes.back()].most);
     std::vector<std::vector<double>> grown;
     for (const std::vector<double>& point : c.grid)
       for (const double bounces : {0.2, 0.5, 0.8}) {

@@ -21,6 +21,9 @@ struct TriedEffect : BoundEffect {
   int told = -1;
 
   const EffectInfo& info() const { return own ? own->description : BoundEffect::info(); }
+
+  /// Index of a parameter; −1: it has none of the name.
+  int index_of(const std::string& name) const;
 };
 
 /// Its parameters, without what is of no model.

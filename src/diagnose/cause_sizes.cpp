@@ -175,7 +175,7 @@ bool may_be_nothing(const Term& term, const std::vector<CauseParameter>& sizes) 
 std::vector<CauseParameter> sizes(const Search& search, const std::vector<Term>& terms,
                                   std::size_t which, const MatX<double>& covariance) {
   const Term& t = terms[which];
-  const Candidate& c = search.candidates()[t.candidate];
+  const Candidate& c = search.candidate(t);
   const bool shapes_show =
       t.effect.told >= 0 ? has_size(c, t) : t.shapes.size() >= c.shapes.size();
   // Where stiffness and rotor show as their ratio alone, they are as good as the declared rotor.

@@ -14,16 +14,15 @@ constexpr double kUneven = 3.0;
 
 void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c) {
   const Evidence& e = c.held_out->evidence();
-  const std::vector<std::string> names = joint_names(c.model), units = units_of(c.model);
+  const std::vector<std::string> names = joint_names(c.model);
   // Rows in which a joint rests say nothing of a model, in the table as in the tests.
-  const std::vector<bool> counts =
-      Whitener(e, c.search->whitener().noise(), c.held_out->used()).kept();
+  const std::vector<bool> counts = c.held_out->whitener(*c.search).kept();
   for (std::size_t k = 0; k < e.joints().size(); ++k) {
     const int j = e.joints()[k];
     const long begin = static_cast<long>(k) * e.times();
     ResidualSeries s;
     s.joint = names[j];
-    s.unit = units[j];
+    s.unit = unit_of_joint(c.model, j, true);
     JointGain g{s.joint, s.unit, 0.0, 0.0, 0.0, c.search->whitener().noise()[k].rms};
     double rows = 0.0;
     const bool any = std::any_of(counts.begin() + begin, counts.begin() + begin + e.times(),
@@ -54,7 +53,7 @@ void add_series(const VecX<double>& e0, const VecX<double>& e1, JointCase& c) {
 
 void note_offsets(const VecX<double>& errors, JointCase& c) {
   if (!c.test) return;
-  const std::vector<std::string> names = joint_names(c.model), units = units_of(c.model);
+  const std::vector<std::string> names = joint_names(c.model);
   for (const HeldOutOffset& o : c.held_out->offsets(errors))
     c.finding.notes.push_back(
         names[o.joint] + ": on held-out data the torque is off by " + format_number(o.mean) +

@@ -261,10 +261,31 @@ MatX<double> Evidence::without_scale(long k, const Eigen::Ref<const MatX<double>
   return out;
 }
 
+MatX<double> Evidence::without_scale(const MatX<double>& base, const VecX<double>& x0,
+                                     const std::vector<int>& columns) const {
+  const long m = times();
+  MatX<double> out(rows(), std::ssize(columns));
+  for (std::size_t k = 0; k < joints_.size(); ++k)
+    out.middleRows(k * m, m) = without_scale(k, base.middleRows(k * m, m), x0)(Eigen::all, columns);
+  return out;
+}
+
+double Evidence::rms(long k, const VecX<double>& rows, const std::vector<bool>& counts) const {
+  double squares = 0.0, count = 0.0;
+  for (long row = k * times(); row < (k + 1) * times(); ++row)
+    if (counts.empty() || counts[row]) squares += rows[row] * rows[row], ++count;
+  return std::sqrt(squares / std::max(count, 1.0));
+}
+
+long Evidence::index_of(int joint) const {
+  const auto at = std::ranges::find(joints_, joint);
+  return at == joints_.end() ? -1 : at - joints_.begin();
+}
+
 bool Evidence::is_passive(int joint) const {
   if (driven_rows_.closed()) return !has_torque_[joint];
-  const auto at = std::ranges::find(joints_, joint);
-  return at != joints_.end() && passive(at - joints_.begin());
+  const long k = index_of(joint);
+  return k >= 0 && passive(k);
 }
 
 std::vector<long> Evidence::reached(const std::vector<int>& by) const {
@@ -304,21 +325,14 @@ void Evidence::retime(const Model& model, const FitLayout& layout,
     for (const int c : dry_columns_)
       if (const FitParameter& p = layout.linear[c]; p.effect == shape.effect)
         which.push_back(p.index), to.push_back(c);
-    std::vector<std::vector<RowMatX<double>>> columns;  // a stretch each
+    std::vector<std::vector<RowMatX<double>>> columns;
     for (const JointSeries& of : series) {
       const JointSeries x = turned(friction, of);
       columns.push_back(series_columns(friction, extend(model, runs_, x.run), x,
                                        friction.parameters.data(), which));
     }
     for (const long k : reached(friction.joints)) {
-      std::vector<RowMatX<double>> stretches;
-      for (std::size_t i = 0; i < series.size(); ++i)
-        stretches.push_back(driven_rows_.at(i, joints_[k], friction.joints, [&](int j) {
-          RowMatX<double> own(series[i].rows(), std::ssize(which));
-          for (long c = 0; c < own.cols(); ++c) own.col(c) = columns[i][c].col(j);
-          return own;
-        }));
-      const MatX<double> rows = rows_of(k, stretches);
+      const MatX<double> rows = driven(k, friction.joints, columns);
       for (std::size_t c = 0; c < to.size(); ++c)
         base.col(to[c]).segment(k * times(), times()) = rows.col(c);
     }
@@ -332,20 +346,15 @@ MatX<double> Evidence::turns(const FitLayout& layout) const {
     const BoundEffect friction = friction_of(layout, shape);
     out.conservativeResize(Eigen::NoChange, out.cols() + kTurnColumns);
     out.rightCols(kTurnColumns).setZero();
-    for (const long k : reached(friction.joints)) {
-      std::vector<RowMatX<double>> stretches;
-      for (std::size_t i = 0; i < series_.size(); ++i) {
-        const JointSeries s = turned(friction, series_[i]);
-        const auto columns = turn_columns(friction, shape.index, reference(s), s);
-        stretches.push_back(driven_rows_.at(i, joints_[k], friction.joints, [&](int j) {
-          RowMatX<double> own(s.rows(), kTurnColumns);
-          for (int c = 0; c < kTurnColumns; ++c) own.col(c) = columns[c].col(j);
-          return own;
-        }));
-      }
-      out.block(k * times(), out.cols() - kTurnColumns, times(), kTurnColumns) =
-          rows_of(k, stretches);
+    std::vector<std::vector<RowMatX<double>>> columns;
+    for (const JointSeries& of : series_) {
+      const JointSeries s = turned(friction, of);
+      const auto own = turn_columns(friction, shape.index, reference(s), s);
+      columns.emplace_back(own.begin(), own.end());
     }
+    for (const long k : reached(friction.joints))
+      out.block(k * times(), out.cols() - kTurnColumns, times(), kTurnColumns) =
+          driven(k, friction.joints, columns);
   }
   return out;
 }
@@ -377,7 +386,6 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
   MatX<double> now = MatX<double>::Zero(rows(), p);
   if (dot(more, more) > 0.0) {
     std::vector<RowMatX<double>> stretches;
-    const std::vector<int> all = all_joints();
     for (const JointSeries& s : series_) {
       Tree<double> tree = reference(s).tree;
       tree.gravity = more;
@@ -385,14 +393,11 @@ void Evidence::set_tilt(const Vec3<double>& more, const VecX<double>& x) {
       const RowMatX<double> Y = regressor_batch(tree, s.q, still, still);
       stretches.push_back(Eigen::Map<const RowMatX<double>>(Y.data(), s.rows(), num_dofs_ * p));
     }
-    for (std::size_t k = 0; k < joints_.size(); ++k) {
-      std::vector<RowMatX<double>> of_k;
-      for (std::size_t i = 0; i < stretches.size(); ++i)
-        of_k.push_back(driven_rows_.at(i, joints_[k], all, [&](int j) -> RowMatX<double> {
-          return stretches[i].middleCols(j * p, p);
-        }));
-      now.middleRows(k * m, m) = rows_of(k, of_k);
-    }
+    for (std::size_t k = 0; k < joints_.size(); ++k)
+      now.middleRows(k * m, m) =
+          driven(k, all_joints(), [&](std::size_t i, int j) -> RowMatX<double> {
+            return stretches[i].middleCols(j * p, p);
+          });
   }
   const MatX<double> change = tilted_.size() > 0 ? MatX<double>(now - tilted_) : now;
   base_.leftCols(p) += change;

@@ -59,6 +59,8 @@ class Evidence {
   long times() const { return std::ssize(time_); }
   /// Degrees of freedom that have rows, ascending: those whose torque is known.
   const std::vector<int>& joints() const { return joints_; }
+  /// Index among them; −1: the joint has no rows.
+  long index_of(int joint) const;
   /// Torques that reach their rows.
   const DrivenRows& driven_rows() const { return driven_rows_; }
   /// Indices of joints() that torques of some degrees of freedom reach.
@@ -69,13 +71,18 @@ class Evidence {
   /// RMS torque of the k-th of joints(); of a passive one, what its links take, by those that the
   /// rows are linear about.
   double size(long k) const { return size_[k]; }
-  /// The same, but of a passive one, at which torques cancel, the root of their sum of squares: the
+  /// RMS of rows of the k-th of joints(). @param rows  (rows())  @param counts  empty: all
+  double rms(long k, const VecX<double>& rows, const std::vector<bool>& counts) const;
+  /// The size, but of a passive one, at which torques cancel, the root of their sum of squares: the
   /// base's columns one by one.
   double scale(long k) const { return scale_[k]; }
   /// Rows of base() of the k-th of joints(); of a passive one as those of M_jj(x₀)/M_jj(x) times
   /// what is left, linear about x₀ (JointFactor::inertia).
   MatX<double> without_scale(long k, const Eigen::Ref<const MatX<double>>& rows,
                              const VecX<double>& x0) const;
+  /// Chosen columns of base(), or of seen_base(), so.
+  MatX<double> without_scale(const MatX<double>& base, const VecX<double>& x0,
+                             const std::vector<int>& columns) const;
   bool has_passive_beside_torques() const;
   /// Whether nothing drives the k-th of joints(): its torque is 0, or a ball's pull.
   bool passive(long k) const { return passive_[k]; }
@@ -236,6 +243,12 @@ class Evidence {
   void set_instant();
   /// Rows of the k-th of joints(), of torques at the recording's rate, a matrix for each stretch.
   MatX<double> rows_of(long k, const std::vector<RowMatX<double>>& stretches) const;
+  /// The same of torques that act at some joints. @param torques  of a stretch and a joint, (N, C)
+  MatX<double> driven(long k, const std::vector<int>& joints,
+                      const std::function<RowMatX<double>(std::size_t, int)>& torques) const;
+  /// @param columns  of each stretch, each (N, num_dofs())
+  MatX<double> driven(long k, const std::vector<int>& joints,
+                      const std::vector<std::vector<RowMatX<double>>>& columns) const;
   /// Positions that encoders show beside the path of a stretch, of the k-th of joints(), (N).
   VecX<double> shown(std::size_t stretch, std::size_t k, const RowMatX<double>& positions,
                      const RowMatX<double>& path) const;

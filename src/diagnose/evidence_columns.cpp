@@ -20,6 +20,25 @@ MatX<double> Evidence::rows_of(
   return rows_of(k, stretches);
 }
 
+MatX<double> Evidence::driven(
+    long k, const std::vector<int>& joints,
+    const std::function<RowMatX<double>(std::size_t, int)>& torques) const {
+  std::vector<RowMatX<double>> stretches;
+  for (std::size_t i = 0; i < series_.size(); ++i)
+    stretches.push_back(
+        driven_rows_.at(i, joints_[k], joints, [&](int j) { return torques(i, j); }));
+  return rows_of(k, stretches);
+}
+
+MatX<double> Evidence::driven(long k, const std::vector<int>& joints,
+                              const std::vector<std::vector<RowMatX<double>>>& columns) const {
+  return driven(k, joints, [&](std::size_t i, int j) {
+    RowMatX<double> out(series_[i].rows(), std::ssize(columns[i]));
+    for (long c = 0; c < out.cols(); ++c) out.col(c) = columns[i][c].col(j);
+    return out;
+  });
+}
+
 void Evidence::evaluate(const TriedEffect& effect) {
   const TriedEffect::Own& own = *effect.own;
   const long width = std::ssize(own.parameters);
@@ -40,13 +59,9 @@ void Evidence::evaluate(const TriedEffect& effect) {
   }
   const long m = times();
   MatX<double> all = MatX<double>::Zero(rows(), width);
-  for (const long k : reached(effect.joints)) {
-    std::vector<RowMatX<double>> of_k;
-    for (std::size_t i = 0; i < stretches.size(); ++i)
-      of_k.push_back(
-          driven_rows_.at(i, joints_[k], effect.joints, [&](int) { return stretches[i]; }));
-    all.middleRows(k * m, m) = rows_of(k, of_k);
-  }
+  for (const long k : reached(effect.joints))
+    all.middleRows(k * m, m) =
+        driven(k, effect.joints, [&](std::size_t i, int) { return stretches[i]; });
   own_[{own.name, own.where}] = std::move(all);
 }
 
@@ -77,33 +92,24 @@ MatX<double> Evidence::columns(const TriedEffect& effect, const std::vector<int>
     return out;
   }
   // Torque of one joint reaches few others: their columns need no filter.
-  const Port port = effect.info().port;
-  const bool local =
-      port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(effect));
-  const std::vector<int> from = local ? effect.joints : all_joints();
-  const std::vector<long> reached = this->reached(from);  // index into joints_
+  const std::vector<int> from = acts_at_its_joints(effect) ? effect.joints : all_joints();
+  const std::vector<long> reached = this->reached(from);
   if (reached.empty()) return out;
-  const long all = width + (torque ? 1 : 0);
-  std::vector<std::vector<RowMatX<double>>> stretches(reached.size());
-  for (std::size_t i = 0; i < series_.size(); ++i) {
-    const bool turns = port == Port::kJointTorque && is_dry(effect) && !early_.isZero(0.0);
+  const bool turns =
+      effect.info().port == Port::kJointTorque && is_dry(effect) && !early_.isZero(0.0);
+  std::vector<std::vector<RowMatX<double>>> of;  // a stretch each; last the torque, if asked for
+  for (const JointSeries& own : series_) {
     JointSeries moved;
-    const JointSeries& s = turns ? (moved = turned(effect, series_[i])) : series_[i];
+    const JointSeries& s = turns ? (moved = turned(effect, own)) : own;
     RowMatX<double> at;
-    std::vector<RowMatX<double>> c = series_columns(
-        effect, reference(s), s, effect.parameters.data(), which, torque ? &at : nullptr);
-    if (torque) c.push_back(std::move(at));
-    for (std::size_t r = 0; r < reached.size(); ++r)
-      stretches[r].push_back(driven_rows_.at(i, joints_[reached[r]], from, [&](int j) {
-        RowMatX<double> block(s.q.rows(), all);
-        for (long w = 0; w < all; ++w) block.col(w) = c[w].col(j);
-        return block;
-      }));
+    of.push_back(series_columns(effect, reference(s), s, effect.parameters.data(), which,
+                                torque ? &at : nullptr));
+    if (torque) of.back().push_back(std::move(at));
   }
-  for (std::size_t r = 0; r < reached.size(); ++r) {
-    const MatX<double> of = rows_of(reached[r], stretches[r]);
-    out.middleRows(reached[r] * m, m) = of.leftCols(width);
-    if (torque) torque->segment(reached[r] * m, m) = of.col(width);
+  for (const long k : reached) {
+    const MatX<double> rows = driven(k, from, of);
+    out.middleRows(k * m, m) = rows.leftCols(width);
+    if (torque) torque->segment(k * m, m) = rows.col(width);
   }
   return out;
 }
@@ -133,13 +139,9 @@ void Evidence::ripples(int joint, double first, double step, int count,
       at[i] *= by[i];
     }
     MatX<double> out(m * std::ssize(reached), 2);
-    for (std::size_t r = 0; r < reached.size(); ++r) {
-      std::vector<RowMatX<double>> of_row;
-      for (std::size_t i = 0; i < stretches.size(); ++i)
-        of_row.push_back(
-            driven_rows_.at(i, joints_[reached[r]], {joint}, [&](int) { return stretches[i]; }));
-      out.middleRows(r * m, m) = rows_of(reached[r], of_row);
-    }
+    for (std::size_t r = 0; r < reached.size(); ++r)
+      out.middleRows(r * m, m) =
+          driven(reached[r], {joint}, [&](std::size_t i, int) { return stretches[i]; });
     visit(k, std::move(out));
   }
 }

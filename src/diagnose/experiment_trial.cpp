@@ -7,6 +7,7 @@
 #include <diffnea/core/error.hpp>
 
 #include "core/decompositions.hpp"
+#include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
 namespace {
@@ -151,11 +152,7 @@ double ExperimentTrial::step(const VecX<double>& g, const Candidate& rival,
   if (which.empty()) return now;
   const VecX<double> r = g - VecX<double>(beside(evidence_.torque_of(effect)));
   const MatX<double> J = beside(evidence_.columns(effect, which));
-  MatX<double> K = J.transpose() * J;
-  const VecX<double> unit = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
-  K = unit.asDiagonal() * K * unit.asDiagonal();
-  K.diagonal().array() += 1e-9;
-  const VecX<double> move = unit.cwiseProduct(K.ldlt().solve(unit.cwiseProduct(J.transpose() * r)));
+  const VecX<double> move = ridge_solve(J.transpose() * J, J.transpose() * r, 1e-9);
   for (double part = 1.0; part > 0.05; part *= 0.5) {
     TriedEffect moved = effect;
     for (std::size_t i = 0; i < which.size(); ++i) {

@@ -77,14 +77,14 @@ class Trial {
         const std::vector<Term>& terms, const HeldOut& held_out)
       : model_(model),
         names_(joint_names(model)),
-        evidence_(evidence),
+        evidence_(search.evidence()),
         search_(search),
         terms_(terms),
         held_out_(held_out) {}
 
   std::optional<Remainder> learn(int dof, const std::vector<std::string>& variables,
                                  const BesideTerms& beside) const {
-    const long joint = index_of(evidence_, dof), m = evidence_.times();
+    const long joint = evidence_.index_of(dof), m = evidence_.times();
     BumpTable table;
     table.variables = variables;
     const Axes axes = Residual::from(table, names_, "diagnose").axes;
@@ -116,11 +116,10 @@ class Trial {
     static_cast<BoundEffect&>(out.effect) = bind({Residual::info().name, where, {}, table}, model_);
     GreyBox& box = out.description;
     box.where = where;
-    box.unit = unit_of(dof, "N*m", "N");
+    box.unit = unit_of_joint(model_, dof, true);
     box.variables = variables;
     for (const Residual::Axis& a : axes)
-      box.units.push_back(a.velocity ? unit_of(a.joint, "rad/s", "m/s")
-                                     : unit_of(a.joint, "rad", "m"));
+      box.units.push_back(unit_of_joint(model_, a.joint, false) + (a.velocity ? "/s" : ""));
     box.bumps = static_cast<int>(table.weights.size());
     box.effective_parameters = fit.parameters;
     box.bound = table.bound;
@@ -149,15 +148,6 @@ class Trial {
   }
 
  private:
-  static long index_of(const Evidence& e, int dof) {
-    return std::ranges::find(e.joints(), dof) - e.joints().begin();
-  }
-
-  std::string unit_of(int dof, const char* revolute, const char* prismatic) const {
-    const int link = moving_links(model_)[dof];
-    return model_.links[link].type == ModelJoint::kPrismatic ? prismatic : revolute;
-  }
-
   void hold_out(int dof, const VecX<double>& torque, const BesideTerms& beside,
                 Remainder& out) const {
     const Evidence& test = held_out_.evidence();
@@ -173,17 +163,10 @@ class Trial {
         std::sqrt(change.before), std::sqrt(change.after), 0.0, 0.0, change.low, change.high};
     if (change.before > 0.0) out.cause.gain.explained_share = 1.0 - change.after / change.before;
     GreyBox& box = out.description;
-    const long begin = index_of(test, dof) * test.times();
-    double count = 0.0;
-    for (long row = begin; row < begin + test.times(); ++row) {
-      if (!held_out_.used().empty() && !held_out_.used()[row]) continue;
-      box.before += without[row] * without[row];
-      box.after += with[row] * with[row];
-      box.torque_rms += on_test[row] * on_test[row];
-      ++count;
-    }
-    for (double* v : {&box.before, &box.after, &box.torque_rms})
-      *v = std::sqrt(*v / std::max(count, 1.0));
+    const long k = test.index_of(dof);
+    box.before = test.rms(k, without, held_out_.used());
+    box.after = test.rms(k, with, held_out_.used());
+    box.torque_rms = test.rms(k, on_test, held_out_.used());
   }
 
   const Model& model_;

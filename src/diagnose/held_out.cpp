@@ -99,9 +99,8 @@ VecX<double> HeldOut::errors(const Search& search, const std::vector<Term>& term
 
 void HeldOut::take_means(int joint, VecX<double>& errors) const {
   const long m = evidence_.times();
-  const auto at = std::ranges::find(evidence_.joints(), joint);
-  if (at == evidence_.joints().end()) return;
-  const long k = at - evidence_.joints().begin();
+  const long k = evidence_.index_of(joint);
+  if (k < 0) return;
   const MatX<double> one = evidence_.rows_of(
       k, [](const JointSeries& s) { return RowMatX<double>::Ones(s.rows(), 1).eval(); });
   const auto run_of = [&](long i) { return evidence_.series()[evidence_.stretch()[i]].run; };
@@ -133,22 +132,13 @@ VecX<double> HeldOut::errors_with(const Search& search, const std::vector<Term>&
   return out;
 }
 
-VecX<double> HeldOut::whitened(const Search& search, const VecX<double>& errors) const {
-  const Whitener whitener(evidence_, search.whitener().noise(), used_);
-  return whitener(errors);
-}
-
 const HeldOut::Known& HeldOut::known(const Search& search) const {
   if (known_.revision == search.revision()) return known_;
   const BasePrior& prior = search.projection().prior();
-  const long n = evidence_.rows(), m = evidence_.times(), p = std::ssize(prior.free);
-  MatX<double> rows(n, p);
-  for (long k = 0; k < n / m; ++k)
-    rows.middleRows(k * m, m) = evidence_.without_scale(
-        k, evidence_.base().middleRows(k * m, m), prior.x0)(Eigen::all, prior.free);
-  known_.columns = Whitener(evidence_, search.whitener().noise(), used_)(rows);
+  known_.columns =
+      whitener(search)(evidence_.without_scale(evidence_.base(), prior.x0, prior.free));
   known_.root = search.projection().root();
-  MatX<double> both(known_.root.rows() + n, p);
+  MatX<double> both(known_.root.rows() + evidence_.rows(), known_.columns.cols());
   both << known_.root, known_.columns;
   known_.scale = both.colwise().norm().transpose();
   for (double& s : known_.scale) s = s > 0.0 ? 1.0 / s : 1.0;
@@ -172,7 +162,7 @@ Prediction HeldOut::predicted(const Search& search, const std::vector<Term>& ter
 }
 
 Prediction HeldOut::predicted(const Search& search, const VecX<double>& errors) const {
-  Prediction out{whitened(search, errors)};
+  Prediction out{whitener(search)(errors)};
   if (search.projection().prior().free.empty()) return out;
   const Known& k = known(search);
   VecX<double> y = VecX<double>::Zero(k.root.rows() + out.left.size());
@@ -265,7 +255,7 @@ HeldOutChange HeldOut::compare(const Prediction& without, const Prediction& with
     instants += any;
   }
   const long block = block_of(evidence_, instants);
-  // Of each block: its square, what is removed of it, its rows, then twice their log-likelihood.
+  // Square of each block, part of it that is removed, and rows; then twice their log-likelihood.
   std::vector<std::array<double, 3>> of_blocks;
   for (long i = 0; i < m;) {
     double s = 0.0, d = 0.0;

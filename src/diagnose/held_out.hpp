@@ -52,8 +52,10 @@ class HeldOut {
   /// The same with another torque beside the terms: `there` on the fitted rows, `here` on these.
   VecX<double> errors_with(const Search& search, const std::vector<Term>& terms, VecX<double> there,
                            VecX<double> here) const;
-  /// Errors in units of noise; 0 in rows that do not count.
-  VecX<double> whitened(const Search& search, const VecX<double>& errors) const;
+  /// Makes errors units of noise; 0 in rows that do not count.
+  Whitener whitener(const Search& search) const {
+    return {evidence_, search.whitener().noise(), used_};
+  }
 
   /// The model with `terms`, of which errors() are.
   Prediction predicted(const Search& search, const std::vector<Term>& terms) const;

@@ -31,9 +31,7 @@ VecX<double> dry_friction(const Search& search, const std::vector<Term>& terms) 
   const Evidence& evidence = search.evidence();
   const std::vector<int>& dry = evidence.dry_columns();
   if (dry.empty()) return VecX<double>::Zero(evidence.rows());
-  VecX<double> effects = VecX<double>::Zero(evidence.rows());
-  for (const Term& t : terms) effects += t.torque();
-  const VecX<double> x = search.projection().parameters(effects);
+  const VecX<double> x = search.projection().parameters(torque_of(terms, evidence.rows()));
   return search.whitener()(evidence.base()(Eigen::all, dry) * x(dry));
 }
 
@@ -66,12 +64,11 @@ detail::Spectrum spectrum(const Evidence& evidence, long k, const VecX<double>& 
 double of_moving_noise(const Search& search, const Term& term, const std::vector<Term>& terms) {
   const Evidence& evidence = search.evidence();
   const int j = term.effect.joints.front();
-  const auto at = std::ranges::find(evidence.joints(), j);
-  if (at == evidence.joints().end()) return 0.0;
+  const long k = evidence.index_of(j), m = evidence.times();
+  if (k < 0) return 0.0;
   const Beside whole = term.torque_beside();
   const double size = product(whole, whole)(0, 0);
   if (!(size > 0.0)) return 0.0;
-  const long k = at - evidence.joints().begin(), m = evidence.times();
   const auto of_joint = [&](const VecX<double>& rows) {
     return spectrum(evidence, k, rows.segment(k * m, m));
   };
@@ -97,9 +94,7 @@ double inexact_at(const Search& search, const Term& term, const std::vector<Term
   const VecX<double> after = search.left_by(terms);
   const VecX<double> unknown = inexact_friction(search, terms, is_like_friction(term.effect));
   const long m = evidence.times();
-  const Port port = term.effect.info().port;
-  const bool local =
-      port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(term.effect));
+  const bool local = acts_at_its_joints(term.effect);
   VecX<double> torque;  // empty where it is not known: a learned one, of one joint
   if (term.beside.cols() > 0)
     torque = search.projection().expanded(term.torque_beside()).col(0).head(evidence.rows());

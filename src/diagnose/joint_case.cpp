@@ -100,16 +100,6 @@ void audit_held_out(JointCase& c) {
   }
 }
 
-/// Root mean square of a joint's rows that count.
-double rms_of(const Evidence& e, const std::vector<bool>& counts, std::size_t k,
-              const VecX<double>& rows) {
-  double squares = 0.0, count = 0.0;
-  for (long row = static_cast<long>(k) * e.times(); row < static_cast<long>(k + 1) * e.times();
-       ++row)
-    if (counts[row]) squares += rows[row] * rows[row], ++count;
-  return std::sqrt(squares / std::max(count, 1.0));
-}
-
 /// Root mean square of what a joint's torque changes by from one row of the log to the next.
 double change_of(const std::vector<Recording>& sample, std::size_t joint) {
   double squares = 0.0, count = 0.0;
@@ -126,9 +116,8 @@ double change_of(const std::vector<Recording>& sample, std::size_t joint) {
 void require_torque(JointCase& c) {
   const Evidence& held = c.held_out->evidence();
   const std::vector<JointNoise>& noises = c.search->whitener().noise();
-  const std::vector<bool> of_held = Whitener(held, noises, c.held_out->used()).kept();
+  const std::vector<bool> of_held = c.held_out->whitener(*c.search).kept();
   const VecX<double> left = c.held_out->errors(*c.search, {});
-  const std::vector<std::string> units = units_of(c.model);
   const std::string fitted = c.train_source.sample().front().source,
                     held_out = c.test ? c.test_source->sample().front().source : fitted;
   std::vector<std::string> drowned;
@@ -136,23 +125,24 @@ void require_torque(JointCase& c) {
   for (std::size_t k = 0; k < noises.size(); ++k) {
     if (c.train->passive(k)) continue;
     ++driven;
-    const std::size_t j = static_cast<std::size_t>(c.train->joints()[k]);
+    const int j = c.train->joints()[k];
+    const std::string unit = " " + unit_of_joint(c.model, j, true);
     const auto look = [&](double noise, double torque, const RecordingSource& source,
                           const std::string& rows) {
       if (!(torque > 0.0) || !(2.0 * noise * noise > torque * torque)) return false;
-      drowned.push_back(joint_names(c.model)[j] + ": noise of " + format_number(noise) + " " +
-                        units[j] + " in a torque of " + format_number(torque) + " " + units[j] +
-                        ", which changes by " + format_number(change_of(source.sample(), j)) + " " +
-                        units[j] + " from one row to the next (" + rows + ")");
+      drowned.push_back(joint_names(c.model)[j] + ": noise of " + format_number(noise) + unit +
+                        " in a torque of " + format_number(torque) + unit + ", which changes by " +
+                        format_number(change_of(source.sample(), j)) + unit +
+                        " from one row to the next (" + rows + ")");
       return true;
     };
     const double of_signals =
-        c.test ? std::min(held.signal_noise(k), rms_of(held, of_held, k, left)) : 0.0;
-    if (look(noises[k].rms, rms_of(*c.train, c.search->whitener().kept(), k, c.train->torque()),
+        c.test ? std::min(held.signal_noise(k), held.rms(k, left, of_held)) : 0.0;
+    if (look(noises[k].rms, c.train->rms(k, c.train->torque(), c.search->whitener().kept()),
              c.train_source, "fitted rows of " + fitted))
       ++of_fitted;
     else
-      look(std::max(noises[k].rms, of_signals), rms_of(held, of_held, k, held.torque()),
+      look(std::max(noises[k].rms, of_signals), held.rms(k, held.torque(), of_held),
            c.test ? *c.test_source : c.train_source, "held-out rows of " + held_out);
   }
   if (drowned.empty()) return;
@@ -175,13 +165,6 @@ IdentifyOptions reading_options(const DiagnoseOptions& options) {
   IdentifyOptions out;
   out.preprocess = options.preprocess;
   out.progress = options.progress;
-  return out;
-}
-
-std::vector<std::string> units_of(const Model& model) {
-  std::vector<std::string> out;
-  for (const int l : moving_links(model))
-    out.push_back(model.links[l].type == ModelJoint::kPrismatic ? "N" : "N*m");
   return out;
 }
 

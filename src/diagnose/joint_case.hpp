@@ -49,7 +49,4 @@ void prepare(JointCase& c);
 
 IdentifyOptions reading_options(const DiagnoseOptions& options);
 
-/// Of the joints' torques.
-std::vector<std::string> units_of(const Model& model);
-
 }  // namespace diffnea

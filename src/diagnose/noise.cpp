@@ -111,14 +111,9 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
 
 std::vector<double> signals_noise(const Evidence& evidence, const VecX<double>& left,
                                   const std::vector<bool>& used) {
-  const long m = evidence.times();
   std::vector<double> out;
-  for (std::size_t k = 0; k < evidence.joints().size(); ++k) {
-    double squares = 0.0, rows = 0.0;
-    for (long row = k * m; row < static_cast<long>(k + 1) * m; ++row)
-      if (used[row]) squares += left[row] * left[row], ++rows;
-    out.push_back(std::min(evidence.signal_noise(k), std::sqrt(squares / std::max(rows, 1.0))));
-  }
+  for (std::size_t k = 0; k < evidence.joints().size(); ++k)
+    out.push_back(std::min(evidence.signal_noise(k), evidence.rms(k, left, used)));
   return out;
 }
 

@@ -95,13 +95,9 @@ MatX<double> Projection::expanded(const Beside& columns) const {
 
 Projection::Factor Projection::factor(const MatX<double>& base) const {
   Factor out;
-  const long n = evidence_.rows(), m = evidence_.times();
-  MatX<double> rows(n, std::ssize(prior_.free));
-  for (long k = 0; k < n / m; ++k)
-    rows.middleRows(k * m, m) =
-        evidence_.without_scale(k, base.middleRows(k * m, m), prior_.x0)(Eigen::all, prior_.free);
+  const long n = evidence_.rows();
   MatX<double> A(n + prior_.root.rows(), std::ssize(prior_.free));
-  A.topRows(n) = whitener_(rows);
+  A.topRows(n) = whitener_(evidence_.without_scale(base, prior_.x0, prior_.free));
   A.bottomRows(prior_.root.rows()) = prior_.root;
   out.scale = A.colwise().norm().transpose();
   for (double& s : out.scale) s = s > 0.0 ? 1.0 / s : 1.0;

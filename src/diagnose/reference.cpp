@@ -137,9 +137,7 @@ Model Reference::extended(const VecX<double>& x, const std::vector<Term>& terms)
 
 std::vector<bool> Reference::rebase(const Projection& projection,
                                     const std::vector<Term>& terms) {
-  VecX<double> effects = VecX<double>::Zero(train_.rows());
-  for (const Term& t : terms) effects += t.torque();
-  const VecX<double> x = projection.reference(effects);
+  const VecX<double> x = projection.reference(torque_of(terms, train_.rows()));
   const VecX<double> by = set(x, terms);
   if (moved_.size() == 0) moved_ = VecX<double>::Zero(by.size());
   moved_ += by;

@@ -7,6 +7,7 @@
 
 #include "core/constants.hpp"
 #include "diagnose/resonance.hpp"
+#include "diagnose/selection_terms.hpp"
 #include "diagnose/signed_fit.hpp"
 
 namespace diffnea {
@@ -68,7 +69,7 @@ NormalEquations with_shapes(const Search& search, const std::vector<const Term*>
 
 /// Its shapes refined, its choices as they are.
 Term descended(const Search& search, Term term, const std::vector<Term>& terms) {
-  const Candidate& c = search.candidates()[term.candidate];
+  const Candidate& c = search.candidate(term);
   std::vector<const Term*> all;
   for (const Term& t : terms) all.push_back(&t);
   all.push_back(&term);
@@ -110,10 +111,7 @@ Term descended(const Search& search, Term term, const std::vector<Term>& terms) 
       continue;
     }
     const long shapes = D.cols(), linear = n.b.size() - shapes;
-    VecX<double> scale = n.K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
-    MatX<double> K = scale.asDiagonal() * n.K * scale.asDiagonal();
-    K.diagonal().array() += 1e-6;
-    const VecX<double> move = scale.cwiseProduct(K.ldlt().solve(scale.cwiseProduct(n.b)));
+    const VecX<double> move = ridge_solve(n.K, n.b, 1e-6);
     const VecX<double> now_values = term.values();
     const VecX<double> target =
         signed_fit(n.K.topLeftCorner(linear, linear), n.b.head(linear), n.sign)
@@ -159,7 +157,7 @@ Term descended(const Search& search, Term term, const std::vector<Term>& terms) 
 
 /// Where stiffness and rotor of a spring show as their ratio alone: the rotor as declared.
 void hold_rotor(const Search& search, Term& term) {
-  const Candidate& c = search.candidates()[term.candidate];
+  const Candidate& c = search.candidate(term);
   double* p = term.effect.parameters.data();  // stiffness, damping, inertia
   if (!(c.rotor > 0.0) || term.shapes.size() >= c.shapes.size() || !(p[2] > 0.0)) return;
   if (encoder_at_motor(term.effect)) return;  // the link's inertia over the stiffness shows
@@ -179,12 +177,11 @@ Term with_shapes_refined(const Search& search, Term term, const std::vector<Term
 Term refined(const Search& search, Term term, const std::vector<Term>& terms) {
   Term best = descended(search, std::move(term), terms);
   const auto gain_with = [&](const Term& t) {
-    std::vector<Term> with = terms;
-    with.push_back(t);
+    std::vector<Term> with = joined(terms, t);
     return search.fit(with);
   };
   // What is one or the other, each with the shapes that suit it.
-  for (const int k : search.candidates()[best.candidate].choices) {
+  for (const int k : search.candidate(best).choices) {
     const Term from = best;
     for (const double value : from.effect.parameter_info[k].choices) {
       if (value == from.effect.parameters[k]) continue;
@@ -233,7 +230,7 @@ bool plausible(const Search& search, const Term& term) {
         !(term.effect.parameters[k] > 0.0))
       return false;
   // At the least distance that shows, bristles are Coulomb friction; at the largest, a spring.
-  const Candidate& c = search.candidates()[term.candidate];
+  const Candidate& c = search.candidate(term);
   for (std::size_t s = 0; s < c.shapes.size(); ++s) {
     const std::size_t k = static_cast<std::size_t>(c.shapes[s]);
     if (term.effect.parameter_info[k].name == "presliding" &&

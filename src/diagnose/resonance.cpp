@@ -22,14 +22,10 @@ double removed(const Search& search, const VecX<double>& left, const TriedEffect
 }  // namespace
 
 Term narrowed(const Search& search, const Term& term, const std::vector<Term>& terms) {
-  const double inertia = search.candidates()[term.candidate].swings;
+  const double inertia = search.candidate(term).swings;
   if (!(inertia > 0.0)) return term;  // a gap, whose link flies
-  const auto index = [&](const char* name) {
-    return static_cast<std::size_t>(
-        std::ranges::find(term.effect.parameter_info, name, &ParameterInfo::name) -
-        term.effect.parameter_info.begin());
-  };
-  const std::size_t stiffness = index("stiffness"), damping = index("damping");
+  const int stiffness = term.effect.index_of("stiffness"),
+            damping = term.effect.index_of("damping");
   const VecX<double> left = search.left_by(terms);
   TriedEffect best = term.effect;
   double most = removed(search, left, best), reach = kGridStep;

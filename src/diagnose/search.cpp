@@ -65,10 +65,7 @@ bool Search::samples_and_holds(const std::vector<Term>& terms) const {
 }
 
 double Search::late(const std::vector<Term>& terms) const {
-  VecX<double> effects = VecX<double>::Zero(evidence_.rows());
-  for (const Term& t : terms) effects += t.torque();
-  const VecX<double> x = projection_->parameters(effects);
-  return x[x.size() - 1];
+  return projection_->parameters(torque_of(terms, evidence_.rows())).tail(1)[0];
 }
 
 Term Search::term_of(const Score& score) const {
@@ -307,8 +304,7 @@ double Search::visible_beyond(const Term& more, const Term& less) const {
 }
 
 VecX<double> Search::residual(const std::vector<Term>& terms) const {
-  VecX<double> effects = VecX<double>::Zero(evidence_.rows());
-  for (const Term& t : terms) effects += t.torque();
+  const VecX<double> effects = torque_of(terms, evidence_.rows());
   return evidence_.torque() - effects - evidence_.base() * projection_->parameters(effects);
 }
 

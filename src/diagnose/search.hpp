@@ -43,6 +43,7 @@ class Search {
   NormalEquations normal(const std::vector<Term>& terms) const;
   /// BIC of a gain, lower is better, relative to the base alone.
   double bic(double gain, const std::vector<Term>& terms) const;
+  double bic(const std::vector<Term>& terms) const { return bic(gain_of(terms), terms); }
   int num_parameters(const std::vector<Term>& terms) const;
 
   /// How much of a term's projected torque another one can take over together with those that are
@@ -61,6 +62,7 @@ class Search {
 
   const Evidence& evidence() const { return evidence_; }
   const std::vector<Candidate>& candidates() const { return candidates_; }
+  const Candidate& candidate(const Term& term) const { return candidates_[term.candidate]; }
   const Projection& projection() const { return *projection_; }
   /// Counts projections: what was made with one holds until the next.
   long revision() const { return revision_; }

@@ -28,8 +28,7 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
   for (std::vector<Term> other = terms; judge(other); other = terms) {
     go_on(other, progress);
     for (Term& t : terms) search_.set_columns(t);
-    const double worse =
-        search_.bic(search_.gain_of(other), other) - search_.bic(search_.fit(terms), terms);
+    const double worse = search_.bic(other) - search_.bic(search_.fit(terms), terms);
     if (!(change(terms, other).log_low - worse > options_.accept)) {
       renew(terms);
       break;
@@ -138,8 +137,7 @@ void Selection::renew(std::vector<Term>& terms) {
 
 Term Selection::offered(const Score& score, const std::vector<Term>& terms) const {
   const auto gain = [&](const Term& t) {
-    std::vector<Term> with = terms;
-    with.push_back(t);
+    std::vector<Term> with = joined(terms, t);
     return search_.fit(with);
   };
   Term out = search_.term_of(score);
@@ -175,14 +173,13 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms, 
                                                 const Wanted& wanted) const {
   std::vector<Offer> out;
   const std::set<int> present = names(terms);
-  const double before = search_.bic(search_.gain_of(terms), terms);
+  const double before = search_.bic(terms);
   for (const Score& s : search_.scores(terms, wanted)) {
     if (static_cast<int>(out.size()) >= how_many || s.variant < 0 ||
         s.delta_bic < -3.0 * options_.accept)
       break;
     if (present.contains(s.candidate) || is_impossible(s.candidate)) continue;
-    std::vector<Term> with = terms;
-    with.push_back(offered(s, terms));
+    std::vector<Term> with = joined(terms, offered(s, terms));
     const double gain = search_.fit(with);
     if (!plausible(search_, with.back()) || with.back().visible_share() < kAbsorbed) continue;
     if (is_no_shift(search_, with) || is_of_swing(search_, with.back(), terms)) continue;
@@ -209,15 +206,13 @@ HeldOutChange Selection::change(std::vector<Term> without, std::vector<Term> wit
 }
 
 bool Selection::helps(const std::vector<Term>& without, const std::vector<Term>& with) const {
-  const std::vector<int>& joints = search_.evidence().joints();
   // A constant for each run always helps there: runs must differ beyond chance as well.
   for (const Term& t : with)
     if (is_of_runs(t.effect) &&
         std::ranges::find(without, t.candidate, &Term::candidate) == without.end())
-      if (const auto joint = std::ranges::find(joints, t.effect.joints.front());
-          joint == joints.end() ||
-          sessions_alike(search_.evidence(), search_.residual(without), search_.whitener().kept(),
-                         joint - joints.begin(), options_.seed) > kByChance)
+      if (const long k = search_.evidence().index_of(t.effect.joints.front());
+          k < 0 || sessions_alike(search_.evidence(), search_.residual(without),
+                                  search_.whitener().kept(), k, options_.seed) > kByChance)
         return false;
   return change(without, with).helps();
 }

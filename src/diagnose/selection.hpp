@@ -23,9 +23,8 @@ struct SelectionOptions {
 
 class Selection {
  public:
-  Selection(Search& search, const std::vector<Candidate>& candidates, const HeldOut& held_out,
-            const SelectionOptions& options)
-      : search_(search), candidates_(candidates), held_out_(held_out), options_(options) {}
+  Selection(Search& search, const HeldOut& held_out, const SelectionOptions& options)
+      : search_(search), candidates_(search.candidates()), held_out_(held_out), options_(options) {}
 
   /// @param progress  returns false: stop with what there is
   std::vector<Term> run(const std::function<bool(const FitProgress&)>& progress);

@@ -19,8 +19,8 @@ constexpr double kSomeHalves = 0.1;
 
 void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Cause& cause) const {
   const std::vector<Term> rest = without(terms, which);
-  const double best = search_.bic(search_.gain_of(terms), terms);
-  const double base = search_.bic(search_.gain_of(rest), rest);
+  const double best = search_.bic(terms);
+  const double base = search_.bic(rest);
   const int own = terms[which].num_parameters();
   for (const Offer& offer : rivals(rest)) {
     if (offer.term.candidate == terms[which].candidate) continue;
@@ -30,8 +30,7 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
     const Candidate& c = candidates_[offer.term.candidate];
     Rival rival{c.effect.info().name, c.effect.where, base - offer.delta_bic - best};
     if (rival.delta_bic < 0.0) {  // better here, but not where it was not fitted
-      std::vector<Term> with = rest;
-      with.push_back(offer.term);
+      std::vector<Term> with = joined(rest, offer.term);
       search_.fit(with);
       if (!helps(rest, with)) continue;
     }

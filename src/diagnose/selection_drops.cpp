@@ -25,8 +25,7 @@ bool Selection::drop_impossible(std::vector<Term>& terms) {
        at = std::ranges::find_if(terms, impossible)) {
     const Candidate& c = candidates_[at->candidate];
     const std::vector<Term> rest = without(terms, (at - terms.begin()));
-    const double worse =
-        search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
+    const double worse = search_.bic(rest) - search_.bic(terms);
     impossible_.push_back(at->candidate);
     note_refusal(c, kImpossible, worse);
     terms = rest;
@@ -41,8 +40,7 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
   for (std::size_t i = terms.size(); i-- > 0;) {
     const std::vector<Term> rest = without(terms, i);
     const Candidate& c = candidates_[terms[i].candidate];
-    const double worse =
-        search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms);
+    const double worse = search_.bic(rest) - search_.bic(terms);
     if (stays(terms[i])) {
       if (worse >= options_.accept && tilt_helps(rest, terms)) continue;
       note_refusal(c, kHelpsNot, worse);
@@ -105,9 +103,8 @@ bool Selection::drop_unstable(std::vector<Term>& terms) {
   if (drop == terms.size()) return false;
   const Candidate& c = candidates_[terms[drop].candidate];
   const std::vector<Term> rest = without(terms, drop);
-  note_refusal(
-      c, "chosen on too few halves of the recording",
-      search_.bic(search_.gain_of(rest), rest) - search_.bic(search_.gain_of(terms), terms));
+  note_refusal(c, "chosen on too few halves of the recording",
+               search_.bic(rest) - search_.bic(terms));
   fallen_.push_back(terms[drop].candidate);
   terms = rest;
   search_.fit(terms);

@@ -53,20 +53,19 @@ bool Selection::eliminate(std::vector<Term>& terms) const {
 }
 
 bool Selection::exchange(std::vector<Term>& terms) const {
-  const double now = search_.bic(search_.gain_of(terms), terms);
+  const double now = search_.bic(terms);
   for (std::size_t i = 0; i < terms.size(); ++i) {
     if (stays(terms[i])) continue;
     std::vector<Term> rest = without(terms, i);
-    const double base = search_.bic(search_.gain_of(rest), rest);
+    const double base = search_.bic(rest);
     for (const Offer& offer : offers(rest, 3, standing())) {
       if (offer.term.candidate == terms[i].candidate || base - offer.delta_bic > now - 1.0)
         continue;
       // Parents and children: the child must be better by more than the class's width.
       const bool child = offer.term.num_parameters() > terms[i].num_parameters() &&
                          search_.replaced_share(terms[i], offer.term, rest) > kChild;
-      if (child && base - offer.delta_bic > now - kSameClass) continue;
-      std::vector<Term> with = rest;
-      with.push_back(offer.term);
+      if (child && base - offer.delta_bic > now - kToldApart) continue;
+      std::vector<Term> with = joined(rest, offer.term);
       if (!helps(rest, with)) continue;
       search_.fit(with);
       terms = std::move(with);
@@ -77,7 +76,7 @@ bool Selection::exchange(std::vector<Term>& terms) const {
 }
 
 bool Selection::merge(std::vector<Term>& terms) const {
-  const double now = search_.bic(search_.gain_of(terms), terms);
+  const double now = search_.bic(terms);
   for (std::size_t i = 0; i < terms.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) {
       if (stays(terms[i]) || stays(terms[j])) continue;
@@ -87,10 +86,9 @@ bool Selection::merge(std::vector<Term>& terms) const {
         return candidates_[c].effect.joints == terms[i].effect.joints;
       };
       for (const Offer& offer : offers(rest, kInPlaceOfTwo, standing(at_its_joints))) {
-        std::vector<Term> with = rest;
-        with.push_back(offer.term);
+        std::vector<Term> with = joined(rest, offer.term);
         if (search_.bic(search_.fit(with), with) > now + kNoWorse && !sharpen(with)) continue;
-        if (search_.bic(search_.gain_of(with), with) > now + kNoWorse) continue;
+        if (search_.bic(with) > now + kNoWorse) continue;
         terms = std::move(with);
         return true;
       }
@@ -99,7 +97,7 @@ bool Selection::merge(std::vector<Term>& terms) const {
 }
 
 bool Selection::simplify(std::vector<Term>& terms) const {
-  const double now = search_.bic(search_.gain_of(terms), terms);
+  const double now = search_.bic(terms);
   const auto of = [&](const Term& t) -> const Candidate& { return candidates_[t.candidate]; };
   // A shape that the recording does not tell is none that makes an effect simple.
   const auto complexity = [&](const Term& t) {
@@ -108,7 +106,7 @@ bool Selection::simplify(std::vector<Term>& terms) const {
   for (std::size_t i = 0; i < terms.size(); ++i) {
     if (stays(terms[i])) continue;
     const std::vector<Term> rest = without(terms, i);
-    const double base = search_.bic(search_.gain_of(rest), rest);
+    const double base = search_.bic(rest);
     const auto simpler = [&](int candidate) {
       const Candidate& c = candidates_[candidate];
       return std::ranges::any_of(terms[i].effect.joints, [&](int j) {
@@ -119,11 +117,10 @@ bool Selection::simplify(std::vector<Term>& terms) const {
       const bool tells_size =
           has_size(of(offer.term), offer.term) && !has_size(of(terms[i]), terms[i]);
       if (complexity(offer.term) >= complexity(terms[i]) ||
-          base - offer.delta_bic > now + (tells_size ? kLeastSizeless : kSameClass) ||
+          base - offer.delta_bic > now + (tells_size ? kLeastSizeless : kToldApart) ||
           search_.replaced_share(offer.term, terms[i], rest) < (tells_size ? kStandsIn : kChild))
         continue;
-      std::vector<Term> with = rest;
-      with.push_back(offer.term);
+      std::vector<Term> with = joined(rest, offer.term);
       search_.fit(with);
       terms = std::move(with);
       return true;
@@ -147,20 +144,15 @@ bool Selection::put_simpler(std::vector<Term>& terms) {
 
 bool Selection::sharpen(std::vector<Term>& terms) const {
   for (std::size_t i = 0; i < terms.size(); ++i) {
-    const std::vector<ParameterInfo>& info = terms[i].effect.parameter_info;
-    const auto smoothing = std::ranges::find(info, "smoothing", &ParameterInfo::name);
-    const int k = static_cast<int>(smoothing - info.begin());
-    if (smoothing == info.end() || std::ranges::find(terms[i].shapes, k) != terms[i].shapes.end())
+    const int k = terms[i].effect.index_of("smoothing");
+    if (k < 0 || std::ranges::count(terms[i].shapes, k) > 0 ||
+        search_.gain_by_shape(terms, i, k) < kPromise * options_.accept)
       continue;
     const std::vector<Term> rest = without(terms, i);
     Term moved = terms[i];
     moved.shapes.push_back(k);
-    if (search_.gain_by_shape(terms, i, k) < kPromise * options_.accept) continue;
-    std::vector<Term> with = rest;
-    with.push_back(refined(search_, std::move(moved), rest));
-    if (search_.bic(search_.fit(with), with) >
-        search_.bic(search_.gain_of(terms), terms) - options_.accept)
-      continue;
+    std::vector<Term> with = joined(rest, refined(search_, std::move(moved), rest));
+    if (search_.bic(search_.fit(with), with) > search_.bic(terms) - options_.accept) continue;
     terms = std::move(with);
     return true;
   }
@@ -184,8 +176,7 @@ std::vector<std::vector<Term>> Selection::pairs_for(const Term& whole,
   std::set<std::set<int>> seen;
   for (const Score& first : search_.scores(rest, part)) {
     if (first.variant < 0 || names(rest).contains(first.candidate)) continue;
-    std::vector<Term> with = rest;
-    with.push_back(offered(first, with));
+    std::vector<Term> with = joined(rest, offered(first, rest));
     search_.fit(with);
     const std::vector<Score> scores = search_.scores(with, part);
     const auto second = std::ranges::find_if(scores, [&](const Score& s) {
@@ -210,7 +201,7 @@ bool Selection::judge(std::vector<Term>& terms) {
   if (const HeldOutChange all = change({}, terms);
       all.after < kFarOff * kFarOff || gain_of(all, 1.0).explained_share >= kExplained)
     return false;
-  const double now = search_.bic(search_.gain_of(terms), terms);
+  const double now = search_.bic(terms);
   double most = options_.accept;
   std::vector<Term> best;
   std::vector<std::pair<int, double>> beside_best;  // candidates and their evidence
@@ -251,9 +242,9 @@ bool Selection::split(std::vector<Term>& terms) const {
   for (std::size_t i = 0; i < terms.size(); ++i) {
     if (stays(terms[i])) continue;
     const bool compound = terms[i].num_parameters() > 1;
-    const double now = search_.bic(search_.gain_of(terms), terms);
+    const double now = search_.bic(terms);
     std::vector<Term> with = without(terms, i);
-    double best = search_.bic(search_.gain_of(with), with);
+    double best = search_.bic(with);
     const Wanted part = parts_of(terms[i]);
     for (int parts = 0; parts < kMostParts; ++parts) {
       const std::vector<Score> scores = search_.scores(with, part);

@@ -13,6 +13,11 @@ std::vector<Term> without(const std::vector<Term>& terms, std::size_t i) {
   return out;
 }
 
+std::vector<Term> joined(std::vector<Term> terms, Term more) {
+  terms.push_back(std::move(more));
+  return terms;
+}
+
 std::set<int> names(const std::vector<Term>& terms) {
   std::set<int> out;
   for (const Term& t : terms) out.insert(t.candidate);
@@ -54,7 +59,7 @@ bool is_of_swing(const Search& search, const Term& late, const std::vector<Term>
              return false;
            const MotorSpring<double> s = motor_spring(t.effect);
            const double inertia =
-               encoder_at_motor(t.effect) ? search.candidates()[t.candidate].swings : s.inertia;
+               encoder_at_motor(t.effect) ? search.candidate(t).swings : s.inertia;
            return time * time * s.stiffness < inertia;
          });
 }

@@ -17,6 +17,7 @@ constexpr double kChild = 0.98;    ///< of a cause's column that a more general 
 constexpr double kLeastSizeless = 50.0;
 constexpr const char* kSizeless = "of no size that this recording tells";
 constexpr int kRivals = 7;  ///< candidates whose shapes are refined in the place of a cause
+std::vector<Term> joined(std::vector<Term> terms, Term more);
 
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i);
 

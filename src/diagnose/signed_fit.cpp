@@ -6,19 +6,13 @@
 #include "core/decompositions.hpp"
 
 namespace diffnea {
-namespace {
-
-/// Solution over the parameters in `on`; dependent columns are damped by a relative 1e-10.
-VecX<double> solve(const MatX<double>& K, const VecX<double>& b, const std::vector<int>& on) {
-  MatX<double> sub = K(on, on);
-  VecX<double> scale = sub.diagonal().cwiseSqrt();
-  for (double& s : scale) s = s > 0.0 ? 1.0 / s : 0.0;
-  sub = scale.asDiagonal() * sub * scale.asDiagonal();
-  sub.diagonal().array() += 1e-10;
-  return scale.cwiseProduct(sub.ldlt().solve(scale.cwiseProduct(b(on))));
+VecX<double> ridge_solve(MatX<double> K, const VecX<double>& b, double ridge) {
+  VecX<double> unit = K.diagonal().cwiseSqrt();
+  for (double& u : unit) u = u > 0.0 ? 1.0 / u : 0.0;
+  K = unit.asDiagonal() * K * unit.asDiagonal();
+  K.diagonal().array() += ridge;
+  return unit.cwiseProduct(K.ldlt().solve(unit.cwiseProduct(b)));
 }
-
-}  // namespace
 
 SignedFit signed_fit(const MatX<double>& K, const VecX<double>& b,
                      const std::vector<bool>& nonnegative, const VecX<double>& start) {
@@ -33,7 +27,7 @@ SignedFit signed_fit(const MatX<double>& K, const VecX<double>& b,
       if (!active[i]) on.push_back(static_cast<int>(i));
     VecX<double> target = VecX<double>::Zero(n);
     if (!on.empty()) {
-      const VecX<double> s = solve(K, b, on);
+      const VecX<double> s = ridge_solve(K(on, on), b(on), 1e-10);
       for (std::size_t i = 0; i < on.size(); ++i) target[on[i]] = s[i];
     }
     // As far towards the target as signs allow.

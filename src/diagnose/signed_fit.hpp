@@ -7,6 +7,10 @@
 
 namespace diffnea {
 
+/// Solves K x = b. Where columns depend on others, a ridge on the products of columns of length 1
+/// shares what they explain. @param K  positive semidefinite
+VecX<double> ridge_solve(MatX<double> K, const VecX<double>& b, double ridge);
+
 struct SignedFit {
   VecX<double> x;
   double gain = 0.0;  ///< ‖r‖² − ‖r − G x‖²

@@ -31,6 +31,12 @@ Beside Term::torque_beside() const {
   VecX<double> weights = VecX<double>::Ones(beside.cols());
   weights.head(width()) = values();
   return combined(beside, weights);
+VecX<double> torque_of(const std::vector<Term>& terms, long rows) {
+  VecX<double> out = VecX<double>::Zero(rows);
+  for (const Term& t : terms) out += t.torque();
+  return out;
+}
+
 }
 
 double Term::visible_share() const {
@@ -53,12 +59,9 @@ Term term_at(const Candidate& c, int index, const std::vector<double>& point) {
   for (const int k : term.linear)
     term.effect.parameters[k] = has_rest && scale_of(term, k) == Scale::kLinear ? 1.0 : 0.0;
   c.set(point, term.effect);
-  if (c.swings > 0.0 && encoder_at_motor(term.effect)) {
-    const auto damping =
-        std::ranges::find(term.effect.parameter_info, "damping", &ParameterInfo::name);
-    term.effect.parameters[damping - term.effect.parameter_info.begin()] =
+  if (c.swings > 0.0 && encoder_at_motor(term.effect))
+    term.effect.parameters[term.effect.index_of("damping")] =
         2.0 * kSwing * std::sqrt(motor_spring(term.effect).stiffness * c.swings);
-  }
   return term;
 }
 
@@ -78,14 +81,12 @@ std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linea
   return out;
 }
 
-std::vector<bool> signs(const std::vector<Term>& terms) {
-  std::vector<bool> out;
-  for (const Term& t : terms)
-    for (const bool s : signs(t.effect, t.linear)) out.push_back(s);
-  return out;
+Scale scale_of(const Term& term, int parameter) {
+bool acts_at_its_joints(const TriedEffect& effect) {
+  const Port port = effect.info().port;
+  return port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(effect));
 }
 
-Scale scale_of(const Term& term, int parameter) {
   return scale(term.effect.parameter_info[parameter]);
 }
 
@@ -100,8 +101,7 @@ bool is_of_runs(const TriedEffect& effect) {
 
 bool is_dry(const TriedEffect& effect) {
   if (!effect.own && hides_motor(effect)) return motor_spring(effect).friction_share < 1.0;
-  return std::ranges::find(effect.parameter_info, "smoothing", &ParameterInfo::name) !=
-         effect.parameter_info.end();
+  return effect.index_of("smoothing") >= 0;
 }
 
 }  // namespace diffnea

@@ -49,6 +49,9 @@ struct Term {
 
 /// The candidate at a point of its grid, without columns yet.
 /// @param index  of the candidate
+/// Torque of several terms, (rows).
+VecX<double> torque_of(const std::vector<Term>& terms, long rows);
+
 Term term_at(const Candidate& candidate, int index, const std::vector<double>& point);
 /// Sets the columns, and the offset where the torque is not linear in the parameters.
 void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term);
@@ -63,7 +66,6 @@ struct NormalEquations {
 
 /// Whether each linear parameter may not be negative.
 std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linear);
-std::vector<bool> signs(const std::vector<Term>& terms);
 
 /// How a parameter is searched.
 Scale scale_of(const Term& term, int parameter);
@@ -71,6 +73,8 @@ Scale scale_of(const Term& term, int parameter);
 bool is_like_friction(const TriedEffect& effect);
 /// Tells whether it has a size in each run, which tells nothing of another run.
 bool is_of_runs(const TriedEffect& effect);
+/// Tells whether its torque reaches no rows but those of its own joints.
+bool acts_at_its_joints(const TriedEffect& effect);
 /// Dry friction, or a spring that its jumps wind up.
 bool is_dry(const TriedEffect& effect);
 

@@ -66,7 +66,7 @@ TEST_CASE("HeldOut: a prediction costs what a fit of all rows costs more than on
   const double more = left(A, y) - left(A.topRows(n + p), y.head(n + p));
   CHECK_THAT(of.left.squaredNorm() + of.moved, Catch::Matchers::WithinRel(more, 1e-6));
   CHECK(of.moved > 1.0);
-  CHECK(of.left.norm() < held_out.whitened(search, held_out.errors(search, none)).norm());
+  CHECK(of.left.norm() < held_out.whitener(search)(held_out.errors(search, none)).norm());
 }
 
 TEST_CASE("HeldOut: what the base pays in one of two models counts against it", "[diagnose]") {
@@ -115,7 +115,7 @@ TEST_CASE("HeldOut: each block tells how much of a gap's flights it has, from no
   REQUIRE(gap.effect.told >= 0);
   double& told = gap.effect.parameters[static_cast<std::size_t>(gap.effect.told)];
   told = 1.0;
-  const VecX<double> flights = held_out.whitened(search, held->torque_of(gap.effect));
+  const VecX<double> flights = held_out.whitener(search)(held->torque_of(gap.effect));
   told = 0.0;  // nothing of it on the fitted rows
   search.set_columns(gap);
   const VecX<double> before = held_out.predicted(search, none).left;

@@ -65,8 +65,8 @@ TEST_CASE("Selection: a clear effect is tried though the simpler one that goes f
     met = true;
     CAPTURE(viscous, simple, child);
     const HeldOut held_out(*of.evidence, {}, 0);  // the same rows: what is taken helps there
-    Selection selection(*of.search, of.candidates, held_out, options);
-    const std::vector<Term> terms = selection.run({});
+    Selection selection(*of.search, held_out, options);
+    const std::vector<Term> terms = selection.run();
     // Halves of so little evidence may not choose it after all.
     const auto child_of = [](const auto& x) { return x.effect == "asymmetric_viscous"; };
     if (terms.empty())
@@ -83,15 +83,15 @@ TEST_CASE("Selection: what falls does not stand again, and what is left stands o
           "[diagnose]") {
   OneSided of(3.0);
   const HeldOut held_out(*of.evidence, {}, 0);
-  Selection selection(*of.search, of.candidates, held_out, {});
+  Selection selection(*of.search, held_out, {});
   const auto stand = [](const std::vector<Term>& terms) {
     std::vector<std::string> out;
     for (const Term& t : terms) out.push_back(t.effect.info().name);
     return out;
   };
-  std::vector<Term> terms = selection.run({});
+  std::vector<Term> terms = selection.run();
   REQUIRE(stand(terms) == std::vector<std::string>{"asymmetric_viscous"});
-  selection.resume(terms, 0, "because", {});
+  selection.resume(terms, 0, "because");
   CHECK(stand(terms) == std::vector<std::string>{"viscous_friction"});
   REQUIRE_FALSE(selection.refused().empty());
   CHECK(selection.refused().back().effect == "asymmetric_viscous");
