@@ -75,7 +75,7 @@ Worth describe(BallCase& c) {
   Finding& f = c.finding;
   std::vector<CandidateScore> table;
   for (const WindowScore& s : c.first_scores) {
-    if (s.visible_share < kAbsorbedMotion)
+    if (s.visible_share < kAbsorbed)
       f.absorbed.push_back({s.effect.effect, s.effect.where, s.visible_share});
     else
       table.push_back({s.effect.effect, s.effect.where, s.delta_bic, s.lm, s.visible_share, {}});

@@ -8,13 +8,13 @@
 #include "core/number_text.hpp"
 #include "core/statistics.hpp"
 #include "diagnose/ball_search.hpp"
+#include "diagnose/thresholds.hpp"
 #include "identify/ball_world.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
 
-constexpr double kAccept = 10.0;
 constexpr double kFastest = 5.0;  ///< of a period in time [Hz]
 constexpr int kMostPeriods = 400;
 
@@ -106,7 +106,7 @@ std::vector<Witness> ball_witnesses(const FittedBall& ball, const BallFitOptions
     if (w.delta_bic > best.delta_bic) best = std::move(w);
   }
   out.push_back(std::move(best));
-  std::erase_if(out, [](const Witness& w) { return !(w.delta_bic > kAccept); });
+  std::erase_if(out, [](const Witness& w) { return !(w.delta_bic > kToldApart); });
   std::ranges::stable_sort(out, std::ranges::greater{}, &Witness::delta_bic);
   return out;
 }

@@ -19,10 +19,6 @@ namespace {
 /// effect's column be known, and its angle. The positions' noise shrinks it: 8 % observed.
 constexpr double kColumnError = 0.04, kAngleError = 0.01;
 
-/// χ² over its degrees of freedom beyond which what is left goes with the motion; rows of so long
-/// [s], in every period, are one then.
-constexpr double kMisfit = 1.3, kMisfitBlock = 1.0;
-
 /// Eigenvalue of columns of length 1, below which no row tells of their combination.
 constexpr double kUntold = 1e-6;
 
@@ -59,7 +55,7 @@ VecX<double> clustered(const Search& search, const MatX<double>& influence,
     double t = search.evidence().time()[i];
     if (search.period() > 0.0) t = std::fmod(t, search.period());
     VecX<double>& sum = clusters
-                            .try_emplace(std::lround(std::floor(t / kMisfitBlock)),
+                            .try_emplace(std::lround(std::floor(t / kBlockSeconds)),
                                          VecX<double>::Zero(influence.rows()))
                             .first->second;
     for (long row = i; row < search.evidence().rows(); row += m)
@@ -133,7 +129,7 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
                       static_cast<double>(std::max<long>(search.rows() - width, 1));
   C = scale.asDiagonal() * C * scale.asDiagonal();
   VecX<double> more = VecX<double>::Constant(width, std::max(1.0, chi2));
-  if (chi2 > kMisfit) {
+  if (chi2 > kLeft) {  // the rest goes with the motion
     MatX<double> J(search.projection().residual().size(), width);
     for (long at = 0; const Beside& c : columns) {
       J.middleCols(at, c.cols()) = search.projection().expanded(c);

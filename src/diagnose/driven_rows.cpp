@@ -9,13 +9,6 @@
 #include "identify/constrained_rows.hpp"
 
 namespace diffnea {
-namespace {
-
-/// Step of differences of the links' torque [rad] or [m], and per second.
-constexpr double kStep = 1e-5;
-
-}  // namespace
-
 DrivenRows::DrivenRows(const Model& model, const Preprocessed& first, const std::vector<int>& among)
     : tree_(make_tree(model)) {
   ConstrainedRows rows(model, nullptr, among);
@@ -89,13 +82,7 @@ std::vector<LoopEquation> DrivenRows::equations(const Tree<double>& tree, const 
                                                 const std::vector<int>& leads,
                                                 const SignalNoise& noise, int every) const {
   const long rows = path.rows(), n = path.q.cols();
-  std::vector<LoopEquation> out(leads.size());
-  for (LoopEquation& e : out) {
-    for (VecX<double>* v : {&e.equation.inertia, &e.equation.stiffness, &e.equation.damping,
-                            &e.equation.density, &e.equation.variance})
-      v->resize(rows);
-    e.shown.resize(rows, n);
-  }
+  std::vector<LoopEquation> out(leads.size(), {JointEquation(rows), RowMatX<double>(rows, n)});
   const TreeConstraints<double>& constraints = loops_->constraints();
   MassMatrixWorkspace<double, double> mass;
   RneaWorkspace<double, double> ws;
@@ -124,8 +111,8 @@ std::vector<LoopEquation> DrivenRows::equations(const Tree<double>& tree, const 
         to.segment(begin, count).setConstant(value);
       };
       set(e.inertia, inertia);
-      set(e.stiffness, (torque(kStep, 0.0) - torque(-kStep, 0.0)) / (2.0 * kStep));
-      set(e.damping, (torque(0.0, kStep) - torque(0.0, -kStep)) / (2.0 * kStep));
+      set(e.stiffness, (torque(kLinkStep, 0.0) - torque(-kLinkStep, 0.0)) / (2.0 * kLinkStep));
+      set(e.damping, (torque(0.0, kLinkStep) - torque(0.0, -kLinkStep)) / (2.0 * kLinkStep));
       const VecX<double> weight = Md / inertia;
       set(e.variance, weight.cwiseProduct(noise.position).squaredNorm());
       set(e.density, d.cwiseAbs2().dot(noise.density));

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnose/thresholds.hpp"
+#include "identify/passes.hpp"
+
 namespace diffnea {
 namespace {
 
@@ -57,8 +60,8 @@ void note_offsets(const VecX<double>& errors, JointCase& c) {
   for (const HeldOutOffset& o : c.held_out->offsets(errors))
     c.finding.notes.push_back(
         names[o.joint] + ": on held-out data the torque is off by " + format_number(o.mean) +
-        " ± " + format_number(1.96 * o.std) + " " + units[o.joint] + " while it moves, " +
-        format_number(std::round(100.0 * o.share)) +
+        " ± " + format_number(kNormal95 * o.std) + " " + unit_of_joint(c.model, o.joint, true) +
+        " while it moves, " + format_number(std::round(100.0 * o.share)) +
         " % of what is left: its offset changed between the recordings; give both as DATA to "
         "have it fitted (session_offset)");
 }

@@ -8,6 +8,8 @@
 #include "diagnose/bump_fit.hpp"
 #include "diagnose/bump_grid.hpp"
 #include "diagnose/inexact.hpp"
+#include "diagnose/thresholds.hpp"
+#include "identify/passes.hpp"
 
 namespace diffnea {
 namespace {
@@ -142,7 +144,8 @@ class Trial {
     cause.torque_share = torque.segment(joint * m, m).norm() /
                          (evidence_.size(joint) * std::sqrt(static_cast<double>(m)));
     const double std = std::sqrt(std::max(1.0, left / freedom)) / std::max(seen.norm(), 1e-300);
-    cause.parameters.push_back({"scale", "1", 1.0, std, 1.0 - 1.96 * std, 1.0 + 1.96 * std});
+    cause.parameters.push_back(
+        {"scale", "1", 1.0, std, 1.0 - kNormal95 * std, 1.0 + kNormal95 * std});
     hold_out(dof, torque, beside, out);
     return out;
   }

@@ -7,6 +7,7 @@
 #include <diffnea/effects/stepping.hpp>
 
 #include "core/constants.hpp"
+#include "diagnose/thresholds.hpp"
 #include "recording/spectrum.hpp"
 
 namespace diffnea {
@@ -17,9 +18,6 @@ namespace {
 constexpr double kAccuracy = 0.02;
 /// The same of dry friction: filtered, nothing is known of how it turns but for a few milliseconds.
 constexpr double kDryAccuracy = 0.04;
-/// The same of dry friction F that is the base's, whose turns are fitted beside its size
-/// (turn_columns()), at the least.
-constexpr double kBaseDryAccuracy = 0.01;
 /// How late one of its turns may be against the others [s]: what holds a joint meanwhile is nothing
 /// that its motion tells. Each leaves 2 F for so long, which the filter spreads over 1/cut-off.
 constexpr double kLateTurn = 1.75e-3;
@@ -133,7 +131,7 @@ VecX<double> inexact_friction(const Search& search, const std::vector<Term>& ter
   const long m = evidence.times();
   VecX<double> out(std::ssize(evidence.joints()));
   for (long k = 0; k < out.size(); ++k) {
-    double share = kBaseDryAccuracy * kBaseDryAccuracy;
+    double share = kInexact * kInexact;  // turns are fitted beside its size (turn_columns())
     if (of_late_turns)
       share = std::max(share, 4.0 * kLateTurn * kLateTurn * evidence.cut_off(k) *
                                   evidence.turns_per_second(k));

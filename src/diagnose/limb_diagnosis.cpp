@@ -7,6 +7,7 @@
 
 #include "core/constants.hpp"
 #include "diagnose/chi_square.hpp"
+#include "diagnose/thresholds.hpp"
 #include "diagnose/window_selection.hpp"
 #include "identify/drive_bounds.hpp"
 #include "identify/drives.hpp"
@@ -231,7 +232,7 @@ void describe_candidates(MotionCase& c) {
     f.lack_of_fit_p = std::min(
         f.lack_of_fit_p, static_cast<double>(c.first_scores.size()) *
                              chi_square_tail(s.lm / together, static_cast<int>(s.parameters)));
-    if (s.visible_share < kAbsorbedMotion)
+    if (s.visible_share < kAbsorbed)
       f.absorbed.push_back({s.effect.effect, s.effect.where, s.visible_share});
     else
       f.candidates.push_back({s.effect.effect, s.effect.where, better, s.lm, s.visible_share, {}});

@@ -11,7 +11,6 @@
 namespace diffnea {
 namespace {
 
-constexpr int kOrder = kNoiseOrder;
 
 /// Levinson–Durbin recursion. @param r  autocovariances r_0 … r_order
 JointNoise levinson(const std::vector<double>& r) {
@@ -85,11 +84,11 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
     for (long i = 0; i < m; ++i)
       if (used[begin + i]) mean += residual[begin + i], ++count;
     mean /= static_cast<double>(std::max<long>(count, 1));
-    std::vector<double> r(kOrder + 1, 0.0);
-    std::vector<long> pairs(kOrder + 1, 0);
+    std::vector<double> r(kNoiseOrder + 1, 0.0);
+    std::vector<long> pairs(kNoiseOrder + 1, 0);
     for (long i = 0; i < m; ++i) {
       if (!used[begin + i]) continue;
-      for (long lag = 0; lag <= kOrder && lag <= i; ++lag) {
+      for (long lag = 0; lag <= kNoiseOrder && lag <= i; ++lag) {
         if (!used[begin + i - lag] || evidence.stretch()[i] != evidence.stretch()[i - lag])
           continue;
         r[lag] += (residual[begin + i] - mean) * (residual[begin + i - lag] - mean);
@@ -99,7 +98,7 @@ std::vector<JointNoise> estimate_noise(const Evidence& evidence, const VecX<doub
     const double n = std::max<double>(static_cast<double>(pairs[0]), 1.0);
     const double freedom = lost.empty() ? 1.0 : n / std::max(n - lost[k], 0.1 * n);
     // Bartlett's weights keep the sequence positive definite where rows are missing.
-    for (int lag = 0; lag <= kOrder; ++lag) r[lag] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
+    for (int lag = 0; lag <= kNoiseOrder; ++lag) r[lag] *= freedom / n * (lag ? 1.0 - 1e-6 : 1.0);
     const double rounding = kLeastNoise * evidence.scale(k);
     const double assumed = std::max(rounding * rounding, 1e-300);
     r[0] = std::max(r[0], least.empty() ? 0.0 : least[k] * least[k]) + assumed;

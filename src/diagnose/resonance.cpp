@@ -9,7 +9,7 @@ namespace diffnea {
 namespace {
 
 /// Damping ratios, from that of the grid to a gear's, each as much narrower as the last.
-constexpr double kRatios[] = {0.3, 0.1, 0.03};
+constexpr double kRatios[] = {kSwing, 0.1, 0.03};
 /// Logarithm of the grid's step in stiffness, a factor of √10: the stiffness lies within one.
 constexpr double kGridStep = 1.15;
 

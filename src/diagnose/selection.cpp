@@ -9,6 +9,7 @@
 #include "diagnose/inexact.hpp"
 #include "diagnose/refine.hpp"
 #include "diagnose/selection_terms.hpp"
+#include "diagnose/thresholds.hpp"
 #include "diagnose/sessions.hpp"
 
 namespace diffnea {
@@ -188,7 +189,7 @@ std::vector<Selection::Offer> Selection::offers(const std::vector<Term>& terms, 
   std::ranges::stable_sort(out, std::greater<>{}, &Offer::delta_bic);
   // A parent within reach of its child goes first: the simpler name.
   for (std::size_t i = 1; i < out.size(); ++i)
-    if (out[0].delta_bic - out[i].delta_bic < kSameClass &&
+    if (out[0].delta_bic - out[i].delta_bic < kToldApart &&
         out[i].term.num_parameters() < out[0].term.num_parameters() &&
         search_.replaced_share(out[i].term, out[0].term, terms) > kChild) {
       std::rotate(out.begin(), out.begin() + static_cast<long>(i),

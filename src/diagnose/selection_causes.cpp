@@ -7,6 +7,7 @@
 #include "diagnose/selection.hpp"
 #include "diagnose/selection_terms.hpp"
 #include "diagnose/stability.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
@@ -43,7 +44,7 @@ void Selection::add_rivals(const std::vector<Term>& terms, std::size_t which, Ca
       rival.stability = at->second;
     const bool instead = cause.stability < kMostHalves && rival.stability > kSomeHalves;
     const bool alike =
-        rival.more_general ? rival.delta_bic < -kNoWorse : rival.delta_bic < kSameClass || instead;
+        rival.more_general ? rival.delta_bic < -kNoWorse : rival.delta_bic < kToldApart || instead;
     (alike ? cause.members : cause.rivals).push_back(rival);
   }
   for (auto* list : {&cause.members, &cause.rivals})

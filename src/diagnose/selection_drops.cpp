@@ -8,6 +8,7 @@
 #include "diagnose/selection.hpp"
 #include "diagnose/selection_terms.hpp"
 #include "diagnose/stability.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {

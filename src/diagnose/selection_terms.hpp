@@ -8,7 +8,6 @@
 
 namespace diffnea {
 
-constexpr double kSameClass = 10.0;  ///< ΔBIC
 constexpr double kNoWorse = 6.0;     ///< ΔBIC, no strong evidence yet (Kass and Raftery 1995)
 constexpr double kStandsIn = 0.5;  ///< share of a cause's torque that a rival takes over, at least
 constexpr double kChild = 0.98;    ///< of a cause's column that a more general effect reproduces
@@ -17,8 +16,8 @@ constexpr double kChild = 0.98;    ///< of a cause's column that a more general 
 constexpr double kLeastSizeless = 50.0;
 constexpr const char* kSizeless = "of no size that this recording tells";
 constexpr int kRivals = 7;  ///< candidates whose shapes are refined in the place of a cause
-std::vector<Term> joined(std::vector<Term> terms, Term more);
 
+std::vector<Term> joined(std::vector<Term> terms, Term more);
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i);
 
 /// Candidates that terms are of.

@@ -6,14 +6,6 @@
 #include <diffnea/effects/stepping.hpp>
 
 namespace diffnea {
-namespace {
-
-/// Damping ratio of what swings behind its encoder, where a search starts: its resonance is then as
-/// wide as the grid's steps (a factor of 3.2 of the stiffness), and what swings freely is found
-/// from there. Without damping a column off the resonance swings where the robot does not.
-constexpr double kSwing = 0.3;
-
-}  // namespace
 
 VecX<double> Term::values() const {
   VecX<double> out(std::ssize(linear));
@@ -31,18 +23,18 @@ Beside Term::torque_beside() const {
   VecX<double> weights = VecX<double>::Ones(beside.cols());
   weights.head(width()) = values();
   return combined(beside, weights);
-VecX<double> torque_of(const std::vector<Term>& terms, long rows) {
-  VecX<double> out = VecX<double>::Zero(rows);
-  for (const Term& t : terms) out += t.torque();
-  return out;
-}
-
 }
 
 double Term::visible_share() const {
   const Beside torque = torque_beside();
   const double whole = torque.whitened.squaredNorm();
   return whole > 0.0 ? std::sqrt(std::max(product(torque, torque)(0, 0), 0.0) / whole) : 0.0;
+}
+
+VecX<double> torque_of(const std::vector<Term>& terms, long rows) {
+  VecX<double> out = VecX<double>::Zero(rows);
+  for (const Term& t : terms) out += t.torque();
+  return out;
 }
 
 Term term_at(const Candidate& c, int index, const std::vector<double>& point) {
@@ -82,17 +74,17 @@ std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linea
 }
 
 Scale scale_of(const Term& term, int parameter) {
-bool acts_at_its_joints(const TriedEffect& effect) {
-  const Port port = effect.info().port;
-  return port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(effect));
-}
-
   return scale(term.effect.parameter_info[parameter]);
 }
 
 bool is_like_friction(const TriedEffect& effect) {
   const EffectInfo& info = effect.info();
   return info.port == Port::kJointTorque || info.has(Trait::kFriction);
+}
+
+bool acts_at_its_joints(const TriedEffect& effect) {
+  const Port port = effect.info().port;
+  return port == Port::kJointTorque || (port == Port::kMemory && !encoder_at_motor(effect));
 }
 
 bool is_of_runs(const TriedEffect& effect) {

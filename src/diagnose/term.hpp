@@ -12,9 +12,11 @@ namespace diffnea {
 /// A column of which the base leaves less than this share tells nothing: it is filter error and
 /// rounding.
 constexpr double kInvisible = 1e-4;
-/// Of an effect's torque: where the base takes over more than all but this, its columns' own error
-/// is what shows.
-constexpr double kAbsorbed = 0.01;
+
+/// Damping ratio of what swings behind its encoder, where a search starts: its resonance is then as
+/// wide as the grid's steps (a factor of 3.2 of the stiffness), and what swings freely is found
+/// from there. Without damping a column off the resonance swings where the robot does not.
+constexpr double kSwing = 0.3;
 
 /// An effect in the model under test: its shapes are set, its other parameters follow from a fit.
 /// About the present values its torque is offset + columns · p.
@@ -47,11 +49,11 @@ struct Term {
   double visible_share() const;
 };
 
-/// The candidate at a point of its grid, without columns yet.
-/// @param index  of the candidate
 /// Torque of several terms, (rows).
 VecX<double> torque_of(const std::vector<Term>& terms, long rows);
 
+/// The candidate at a point of its grid, without columns yet.
+/// @param index  of the candidate
 Term term_at(const Candidate& candidate, int index, const std::vector<double>& point);
 /// Sets the columns, and the offset where the torque is not linear in the parameters.
 void set_torque(const Evidence& evidence, const Candidate& candidate, Term& term);
@@ -71,10 +73,10 @@ std::vector<bool> signs(const BoundEffect& effect, const std::vector<int>& linea
 Scale scale_of(const Term& term, int parameter);
 /// A torque that follows from position and velocity alone, or friction before it slides.
 bool is_like_friction(const TriedEffect& effect);
-/// Tells whether it has a size in each run, which tells nothing of another run.
-bool is_of_runs(const TriedEffect& effect);
 /// Tells whether its torque reaches no rows but those of its own joints.
 bool acts_at_its_joints(const TriedEffect& effect);
+/// Tells whether it has a size in each run, which tells nothing of another run.
+bool is_of_runs(const TriedEffect& effect);
 /// Dry friction, or a spring that its jumps wind up.
 bool is_dry(const TriedEffect& effect);
 

@@ -15,6 +15,9 @@ inline constexpr double kNormal95 = 1.96;    ///< half of a 95 % interval [stand
 inline constexpr double kLeft = 1.3;
 /// Share of a joint's torque, or of its motion, to which no model is exact.
 inline constexpr double kInexact = 0.01;
+/// Share of an effect's torque or motion that the base leaves: where it takes over more, the error
+/// of the columns is what shows.
+inline constexpr double kAbsorbed = 0.01;
 /// Which windows are held out where there is no test recording: every fourth.
 inline constexpr std::size_t kHeldOutWindow = 4;
 /// Length of a block that is drawn as one [s]: errors hang together for as long as a motion takes.

@@ -11,8 +11,6 @@
 namespace diffnea {
 namespace {
 
-/// Step of differences of the links' torque [rad] or [m], and per second.
-constexpr double kStep = 1e-5;
 
 /// Change of the innovations' size over four rows that is the joint's inertia's.
 constexpr double kSettled = 0.01;
@@ -37,15 +35,16 @@ struct Slopes {
       : by_q(q.size(), q.size()), by_qd(q.size(), q.size()) {
     RneaWorkspace<double, double> ws;
     for (long i = 0; i < q.size(); ++i) {
-      const VecX<double> step = kStep * VecX<double>::Unit(q.size(), i);
+      const VecX<double> step = kLinkStep * VecX<double>::Unit(q.size(), i);
       const VecX<double> more = rnea<double, double>(tree, q + step, qd, qdd, ws);
-      by_q.col(i) = (more - rnea<double, double>(tree, q - step, qd, qdd, ws)) / (2.0 * kStep);
+      by_q.col(i) = (more - rnea<double, double>(tree, q - step, qd, qdd, ws)) / (2.0 * kLinkStep);
       const VecX<double> faster = rnea<double, double>(tree, q, qd + step, qdd, ws);
-      by_qd.col(i) = (faster - rnea<double, double>(tree, q, qd - step, qdd, ws)) / (2.0 * kStep);
+      by_qd.col(i) =
+          (faster - rnea<double, double>(tree, q, qd - step, qdd, ws)) / (2.0 * kLinkStep);
     }
     MassMatrixWorkspace<double, double> mass;
-    by_qd -= mass_matrix<double, double>(tree, q + kStep * qd, mass) / kStep;
-    by_qd += mass_matrix<double, double>(tree, q - kStep * qd, mass) / kStep;
+    by_qd -= mass_matrix<double, double>(tree, q + kLinkStep * qd, mass) / kLinkStep;
+    by_qd += mass_matrix<double, double>(tree, q - kLinkStep * qd, mass) / kLinkStep;
   }
   MatX<double> by_q, by_qd;
 };
@@ -83,10 +82,7 @@ std::vector<JointEquation> joint_equations(const Tree<double>& tree, const Joint
                                            const std::vector<int>& joints, const SignalNoise& noise,
                                            double path_hz, int every) {
   const long rows = path.rows(), n = path.q.cols();
-  std::vector<JointEquation> out(joints.size());
-  for (JointEquation& e : out)
-    for (VecX<double>* v : {&e.inertia, &e.stiffness, &e.damping, &e.density, &e.variance})
-      v->resize(rows);
+  std::vector<JointEquation> out(joints.size(), JointEquation(rows));
   // White noise of the same power up to the path's cut-off.
   const VecX<double> ends = at_ends(rows, path_hz, path.dt) / (2.0 * path_hz);
   MassMatrixWorkspace<double, double> mass;
@@ -103,9 +99,9 @@ std::vector<JointEquation> joint_equations(const Tree<double>& tree, const Joint
       const auto slope = [&](const VecX<double>& by_q, const VecX<double>& by_qd) {
         const double more = rnea<double, double>(tree, q + by_q, qd + by_qd, qdd, ws)[j];
         return (more - rnea<double, double>(tree, q - by_q, qd - by_qd, qdd, ws)[j]) /
-               (2.0 * kStep);
+               (2.0 * kLinkStep);
       };
-      const VecX<double> step = kStep * VecX<double>::Unit(n, j), none = VecX<double>::Zero(n);
+      const VecX<double> step = kLinkStep * VecX<double>::Unit(n, j), none = VecX<double>::Zero(n);
       VecX<double> of_others = M.row(j).transpose();
       of_others[j] = 0.0;
       const double coupled = noise.variance(of_others, q);

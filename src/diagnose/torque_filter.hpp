@@ -18,8 +18,14 @@
 
 namespace diffnea {
 
+/// Step of differences of the links' torque [rad] or [m], and per second.
+inline constexpr double kLinkStep = 1e-5;
+
 /// A joint's equation along a stretch, each (N).
 struct JointEquation {
+  explicit JointEquation(long rows)
+      : inertia(rows), stiffness(rows), damping(rows), density(rows), variance(rows) {}
+
   VecX<double> inertia;    ///< M_jj [kg·m²] or [kg]
   VecX<double> stiffness;  ///< ∂τ/∂q of the links [N·m/rad] or [N/m]
   VecX<double> damping;    ///< ∂τ/∂q̇ of the links

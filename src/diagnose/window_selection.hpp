@@ -11,12 +11,10 @@
 #include <tuple>
 #include <utility>
 
+#include "diagnose/thresholds.hpp"
 #include "diagnose/window_case.hpp"
 
 namespace diffnea {
-
-/// Share of a candidate's motion that the base leaves: below, the base takes it over.
-inline constexpr double kAbsorbedMotion = 0.01;
 
 namespace windows {
 
@@ -149,7 +147,7 @@ void select_windows(
       if (!c.go_on()) break;
       const bool linear = s.promise >= c.options.accept_delta_bic &&
                           static_cast<int>(tried.size()) < windows::kRefitted;
-      if (!linear && !(s.visible_share > kAbsorbedMotion && c.search->is_far_from_linear(s.effect)))
+      if (!linear && !(s.visible_share > kAbsorbed && c.search->is_far_from_linear(s.effect)))
         continue;
       auto more = c.search->solve(with_effect(c.best.terms, s.effect), &c.best, to_beat);
       const double gain = c.search->delta_bic(c.best, more);

@@ -17,8 +17,13 @@ constexpr double kDensity = 1e-4 * kStep;  ///< noise of 0.01 N·m a sample
 constexpr double kEncoder = 2e-4;
 
 JointEquation equation(long samples) {
-  const auto all = [&](double x) { return VecX<double>::Constant(samples, x); };
-  return {all(kInertia), all(kStiffness), all(kDamping), all(kDensity), all(kEncoder * kEncoder)};
+  JointEquation out(samples);
+  out.inertia.setConstant(kInertia);
+  out.stiffness.setConstant(kStiffness);
+  out.damping.setConstant(kDamping);
+  out.density.setConstant(kDensity);
+  out.variance.setConstant(kEncoder * kEncoder);
+  return out;
 }
 
 /// Positions beside a path under a torque, by steps a hundred times as fine.
