@@ -214,10 +214,11 @@ bool is_heavier(const Model& model, const Model& before, const Evidence& evidenc
 }
 
 VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,
-                        const Evidence& evidence, const std::vector<Term>& terms,
-                        const VecX<double>& beside, LinearFit& fit) {
-  VecX<double> effects = beside.size() > 0 ? beside : VecX<double>::Zero(evidence.rows());
-  for (const Term& t : terms) effects += t.torque();
+                        const std::vector<Term>& terms, const VecX<double>& beside,
+                        LinearFit& fit) {
+  const Evidence& evidence = search.evidence();
+  VecX<double> effects = torque_of(terms, evidence.rows());
+  if (beside.size() > 0) effects += beside;
   VecX<double> x = search.projection().parameters(effects);
   if (base != Base::kRefit) return x;
   const long p = std::ssize(layout.linear), turns = x.size() - p;

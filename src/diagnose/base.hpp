@@ -38,7 +38,6 @@ bool is_heavier(const Model& model, const Model& before, const Evidence& evidenc
 /// @param beside  a torque beside the terms, (rows()); empty: none
 /// @param fit     written with --base refit
 VecX<double> final_base(Base base, const FitLayout& layout, const Search& search,
-                        const Evidence& evidence, const std::vector<Term>& terms,
-                        const VecX<double>& beside, LinearFit& fit);
+                        const std::vector<Term>& terms, const VecX<double>& beside, LinearFit& fit);
 
 }  // namespace diffnea

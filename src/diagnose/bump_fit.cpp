@@ -24,9 +24,12 @@ MatX<double> free_directions(const MatX<double>& A) {
 
 }  // namespace
 
-BumpRows::BumpRows(const Evidence& evidence, const Search& search, const std::vector<Term>& terms,
-                   const VecX<double>& beside, long joint)
-    : search_(search), joint_(joint), begin_(joint * evidence.times()), m_(evidence.times()) {
+BumpRows::BumpRows(const Search& search, const std::vector<Term>& terms, const VecX<double>& beside,
+                   long joint)
+    : search_(search),
+      joint_(joint),
+      begin_(joint * search.evidence().times()),
+      m_(search.evidence().times()) {
   const Projection& projection = search.projection();
   left_ = projection.residual() - projection.project(beside);
   MatX<double> C(left_.size(), 0);
@@ -39,7 +42,7 @@ BumpRows::BumpRows(const Evidence& evidence, const Search& search, const std::ve
     left_ -= columns.leftCols(t.width()) * t.values();
     if (t.has_offset()) left_ -= columns.col(t.width());
     add(columns.leftCols(t.width()));
-    if (!t.shapes.empty()) add(projection.project(evidence.columns(t.effect, t.shapes)));
+    if (!t.shapes.empty()) add(projection.project(search.evidence().columns(t.effect, t.shapes)));
   }
   const auto of_joint = [&](const MatX<double>& rows) {
     return rows.cols() > 0 ? MatX<double>(rows.middleRows(begin_, m_)) : MatX<double>(m_, 0);

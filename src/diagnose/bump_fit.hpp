@@ -21,8 +21,8 @@ struct BumpWeights {
 class BumpRows {
  public:
   /// @param beside  torque beside the terms, (rows)
-  BumpRows(const Evidence& evidence, const Search& search, const std::vector<Term>& terms,
-           const VecX<double>& beside, long joint);
+  BumpRows(const Search& search, const std::vector<Term>& terms, const VecX<double>& beside,
+           long joint);
 
   /// @param columns  of every bump in this joint's torque, (times(), bumps)
   BumpWeights fit(const MatX<double>& columns) const;

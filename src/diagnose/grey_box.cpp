@@ -75,8 +75,8 @@ void draw(const Residual& residual, const MatX<double>& root, GreyBox& box) {
 /// One residual of one joint, beside those that are there.
 class Trial {
  public:
-  Trial(const Model& model, const Evidence& evidence, const Search& search,
-        const std::vector<Term>& terms, const HeldOut& held_out)
+  Trial(const Model& model, const Search& search, const std::vector<Term>& terms,
+        const HeldOut& held_out)
       : model_(model),
         names_(joint_names(model)),
         evidence_(search.evidence()),
@@ -94,7 +94,7 @@ class Trial {
     const std::vector<bool>& kept = search_.whitener().kept();
     const std::vector<bool> used(kept.begin() + joint * m, kept.begin() + (joint + 1) * m);
     if (std::ranges::count(used, true) < kLeastRowsOfJoint) return std::nullopt;
-    const BumpRows rows(evidence_, search_, terms_, beside.there, joint);
+    const BumpRows rows(search_, terms_, beside.there, joint);
     int tried = 1;
     table = best_grid([&](const MatX<double>& columns) { return rows.fit(columns).cost; }, x, axes,
                       used, tried);
@@ -212,10 +212,11 @@ std::vector<Try> tries(const Model& model, const Evidence& evidence,
 
 }  // namespace
 
-GreyBoxResult grey_box(const Model& model, const Evidence& evidence, const Search& search,
-                       const std::vector<Term>& terms, const HeldOut& held_out,
-                       const std::vector<WitnessScore>& witness, double accept, int base) {
-  const Trial trial(model, evidence, search, terms, held_out);
+GreyBoxResult grey_box(const Model& model, const Search& search, const std::vector<Term>& terms,
+                       const HeldOut& held_out, const std::vector<WitnessScore>& witness,
+                       double accept, int base) {
+  const Evidence& evidence = search.evidence();
+  const Trial trial(model, search, terms, held_out);
   GreyBoxResult out;
   out.torque = {VecX<double>::Zero(evidence.rows()),
                 VecX<double>::Zero(held_out.evidence().rows())};

@@ -46,8 +46,8 @@ struct GreyBoxResult {
 /// @param model    that effects are bound to
 /// @param witness  best first
 /// @param base     how many degrees of freedom lead that are a floating base's, and have no joint
-GreyBoxResult grey_box(const Model& model, const Evidence& evidence, const Search& search,
-                       const std::vector<Term>& terms, const HeldOut& held_out,
-                       const std::vector<WitnessScore>& witness, double accept, int base = 0);
+GreyBoxResult grey_box(const Model& model, const Search& search, const std::vector<Term>& terms,
+                       const HeldOut& held_out, const std::vector<WitnessScore>& witness,
+                       double accept, int base = 0);
 
 }  // namespace diffnea

@@ -23,11 +23,11 @@ constexpr const char* kNoMoreThanInexact =
 
 }  // namespace
 
-std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& progress) {
+std::vector<Term> Selection::run() {
   std::vector<Term> terms;
-  go_on(terms, progress);
+  go_on(terms);
   for (std::vector<Term> other = terms; judge(other); other = terms) {
-    go_on(other, progress);
+    go_on(other);
     for (Term& t : terms) search_.set_columns(t);
     const double worse = search_.bic(other) - search_.bic(search_.fit(terms), terms);
     if (!(change(terms, other).log_low - worse > options_.accept)) {
@@ -39,33 +39,31 @@ std::vector<Term> Selection::run(const std::function<bool(const FitProgress&)>& 
   return terms;
 }
 
-void Selection::resume(std::vector<Term>& terms, std::size_t without, const char* why,
-                       const std::function<bool(const FitProgress&)>& progress) {
+void Selection::resume(std::vector<Term>& terms, std::size_t without, const char* why) {
   const int fallen = terms[without].candidate;
   note_refusal(candidates_[fallen], why, 0.0);
   fallen_.push_back(fallen);
   terms = diffnea::without(terms, without);
-  go_on(terms, progress);
+  go_on(terms);
 }
 
-void Selection::go_on(std::vector<Term>& terms,
-                      const std::function<bool(const FitProgress&)>& progress) {
+void Selection::go_on(std::vector<Term>& terms) {
   do {
-    grow(terms, progress);
+    grow(terms);
     for (int i = 0; i < options_.max_terms; ++i)
       if (!put_simpler(terms)) break;
     drop_impossible(terms);
   } while (drop_needless(terms) || (drop_unstable(terms) && !terms.empty()));
 }
 
-void Selection::grow(std::vector<Term>& terms,
-                     const std::function<bool(const FitProgress&)>& progress) {
+void Selection::grow(std::vector<Term>& terms) {
   std::set<std::set<int>> seen;
   if (!terms.empty()) settle(terms);  // beside what fell, another stood for it
   for (int step = 0;
        step < 3 * options_.max_terms && static_cast<int>(terms.size()) < options_.max_terms;
        ++step) {
-    if (progress && !progress({"testing", step, 0, search_.residual_sum() / 2.0})) break;
+    if (options_.progress && !options_.progress({"testing", step, 0, search_.residual_sum() / 2.0}))
+      break;
     if (!add_one(terms)) break;
     settle(terms);
     if (drop_impossible(terms)) continue;  // beside what is left, another may help now

@@ -19,6 +19,7 @@ struct SelectionOptions {
   std::uint64_t seed = 0;
   /// Refits the model that columns refer to beside the terms; joints whose torques that moved.
   std::function<std::vector<bool>(const std::vector<Term>&)> rebase;
+  std::function<bool(const FitProgress&)> progress;  ///< returns false: stop with what there is
 };
 
 class Selection {
@@ -26,11 +27,9 @@ class Selection {
   Selection(Search& search, const HeldOut& held_out, const SelectionOptions& options)
       : search_(search), candidates_(search.candidates()), held_out_(held_out), options_(options) {}
 
-  /// @param progress  returns false: stop with what there is
-  std::vector<Term> run(const std::function<bool(const FitProgress&)>& progress);
+  std::vector<Term> run();
   /// Goes on without one of the terms, which does not stand again.
-  void resume(std::vector<Term>& terms, std::size_t without, const char* why,
-              const std::function<bool(const FitProgress&)>& progress);
+  void resume(std::vector<Term>& terms, std::size_t without, const char* why);
   /// Evidence, rivals and gain of each accepted term.
   std::vector<Cause> causes(const std::vector<Term>& terms) const;
   const std::vector<Refusal>& refused() const { return refused_; }
@@ -51,9 +50,9 @@ class Selection {
   const std::vector<Offer>& rivals(const std::vector<Term>& terms) const;
   /// Grows, simplifies and drops until nothing falls any more: what is left when one falls stood
   /// beside it, and may not be what stands alone.
-  void go_on(std::vector<Term>& terms, const std::function<bool(const FitProgress&)>& progress);
+  void go_on(std::vector<Term>& terms);
   /// Adds causes while one is found that helps, and improves what is there.
-  void grow(std::vector<Term>& terms, const std::function<bool(const FitProgress&)>& progress);
+  void grow(std::vector<Term>& terms);
   bool add_one(std::vector<Term>& terms);
   /// Moves one for another until none is better, with the model, columns and noise that go with
   /// them.

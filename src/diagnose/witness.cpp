@@ -123,9 +123,10 @@ std::vector<Term> beside(const Search& search, std::vector<Term> terms,
 
 }  // namespace
 
-std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search& search,
-                                         const std::vector<Term>& terms, const HeldOut& held_out,
+std::vector<WitnessScore> find_witnesses(const Search& search, const std::vector<Term>& terms,
+                                         const HeldOut& held_out,
                                          const std::vector<std::string>& names, double accept) {
+  const Evidence& evidence = search.evidence();
   const Projection& projection = search.projection();
   const double n = static_cast<double>(search.rows());
   // The terms' columns are projected out too.

@@ -17,8 +17,8 @@ struct WitnessScore {
 /// The best set of variables of every joint that passes ΔBIC > accept, takes more than the base's
 /// dry friction may be wrong by, and helps on held-out data, best first.
 /// @param names  of the joints
-std::vector<WitnessScore> find_witnesses(const Evidence& evidence, const Search& search,
-                                         const std::vector<Term>& terms, const HeldOut& held_out,
+std::vector<WitnessScore> find_witnesses(const Search& search, const std::vector<Term>& terms,
+                                         const HeldOut& held_out,
                                          const std::vector<std::string>& names, double accept);
 
 }  // namespace diffnea

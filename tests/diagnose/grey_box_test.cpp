@@ -169,7 +169,7 @@ TEST_CASE("grey box: fitted with it at once, base and effects as before, effects
   search.fit(terms);
 
   const HeldOut held_out(*evidence, {}, 0);
-  const GreyBoxResult grey = grey_box(evidence.model, *evidence, search, terms, held_out, {}, -1e9);
+  const GreyBoxResult grey = grey_box(evidence.model, search, terms, held_out, {}, -1e9);
   REQUIRE_FALSE(grey.joints.empty());
   REQUIRE(grey.torque.there.norm() > 0.0);
 
