@@ -283,26 +283,17 @@ void LimbDiagnosis::search() {
   MotionCase& c = case_;
   std::vector<Candidate> candidates = candidates_beside(robot_.model(), asked_, of_.train.sample(),
                                                         of_.data.noise.position, finding_);
-  std::vector<Candidate> by_steps;
-  for (const Candidate& one : candidates) {
+  for (const Candidate& one : candidates)
     c.candidates.push_back({one.effect.info().name, one.effect.where, {}});
-    if (is_scored_by_steps(one.effect)) by_steps.push_back(one);
-  }
-  const bool others = by_steps.size() < c.candidates.size();
   c.search = std::make_unique<MotionSearch>(
       robot_.model(), of_, std::move(candidates),
       [&c](const std::string& stage, int more) { return c.tell(stage, more); });
   c.base = c.best = c.search->solve({}, nullptr);
-  if (others && c.go_on()) {
-    const std::vector<bool> quiet = c.search->at_noise(c.base);
-    const auto is_quiet = [&](int joint) { return quiet[joint]; };
-    for (const Candidate& one : by_steps)
-      if (std::ranges::all_of(one.effect.joints, is_quiet)) {
-        const EffectSpec e{one.effect.info().name, one.effect.where, {}};
-        windows::refuse(c, e, "not tried: no more than noise is left at its joint", 0.0);
-        c.candidates = without_effect(c.candidates, e);
-      }
-  }
+  if (c.go_on())
+    for (const EffectSpec& e : c.search->hidden_by_noise(c.base, c.candidates)) {
+      windows::refuse(c, e, "not tried: no more than noise is left at its joint", 0.0);
+      c.candidates = without_effect(c.candidates, e);
+    }
   if (c.go_on()) c.first_scores = c.search->scores(c.base, c.candidates);
   const std::size_t joints = joint_names(robot_.model()).size(),
                     most = c.options.max_causes > 0 ? static_cast<std::size_t>(c.options.max_causes)

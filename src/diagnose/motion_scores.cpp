@@ -62,6 +62,22 @@ std::vector<WindowScore> MotionSearch::scores(const MotionSolution& at,
   return out;
 }
 
+std::vector<EffectSpec> MotionSearch::hidden_by_noise(
+    const MotionSolution& at, const std::vector<EffectSpec>& candidates) const {
+  std::vector<const BoundEffect*> by_steps;
+  for (const Candidate& c : candidates_)
+    if (is_scored_by_steps(c.effect) &&
+        holds_effect(candidates, {c.effect.info().name, c.effect.where, {}}))
+      by_steps.push_back(&c.effect);
+  std::vector<EffectSpec> out;
+  if (by_steps.empty() || by_steps.size() == candidates.size()) return out;
+  const std::vector<bool> quiet = at_noise(at);
+  for (const BoundEffect* e : by_steps)
+    if (std::ranges::all_of(e->joints, [&](int joint) { return quiet[joint]; }))
+      out.push_back({e->info().name, e->where, {}});
+  return out;
+}
+
 std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
                                                   const std::vector<EffectSpec>& candidates) {
   constexpr int kBrief = 4;  // steps by which the base takes back what it had bent by
@@ -98,15 +114,11 @@ std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
   };
   sort();
   std::optional<MotionSolution> brief;
-  const std::vector<bool> quiet =
-      by_steps.empty() || out.empty() ? std::vector<bool>{} : at_noise(at);
-  const auto is_quiet = [&](int joint) {
-    return !quiet.empty() && quiet[static_cast<std::size_t>(joint)];
-  };
+  const std::vector<EffectSpec> hidden =
+      by_steps.empty() ? std::vector<EffectSpec>{} : hidden_by_noise(at, candidates);
   for (const BoundEffect* effect : by_steps) {
     if (progress_ && !progress_("testing", 0)) return {};
-    // A gear moves its own encoder, or nothing that is seen.
-    if (std::ranges::all_of(effect->joints, is_quiet)) continue;
+    if (holds_effect(hidden, {effect->info().name, effect->where, {}})) continue;
     if (!brief) brief = stepped(at, at.terms, brief_, kBrief);
     // The last of those that are refitted; what stays behind it need not be known better.
     const double to_beat =

@@ -97,6 +97,10 @@ class MotionSearch {
   /// Tells of each joint, (n), whether noise hides what a solution leaves beyond it of held-out
   /// positions, in all windows: the fitted ones a base may bend to.
   std::vector<bool> at_noise(const MotionSolution& at) const;
+  /// Candidates that are scored by steps, of joints where no more is left, unless no others are
+  /// tried: a gear moves its own encoder, or nothing that is seen.
+  std::vector<EffectSpec> hidden_by_noise(const MotionSolution& at,
+                                          const std::vector<EffectSpec>& candidates) const;
   /// Tells the same of all joints.
   bool is_at_noise(const MotionSolution& at) const;
   /// Tells whether noise hides what one leaves of them and another does not.
