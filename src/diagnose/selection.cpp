@@ -5,12 +5,11 @@
 
 #include <diffnea/effects/stepping.hpp>
 
-#include "diagnose/cause_sizes.hpp"
 #include "diagnose/inexact.hpp"
 #include "diagnose/refine.hpp"
 #include "diagnose/selection_terms.hpp"
-#include "diagnose/thresholds.hpp"
 #include "diagnose/sessions.hpp"
+#include "diagnose/thresholds.hpp"
 
 namespace diffnea {
 namespace {
@@ -93,12 +92,7 @@ bool Selection::add_one(std::vector<Term>& terms) {
     if (std::ranges::find(refused_candidates_, offer.term.candidate) != refused_candidates_.end())
       continue;
     const Candidate& c = candidates_[offer.term.candidate];
-    if (c.effect.info().motor != HiddenMotor::kNone && !has_size(c, offer.term)) {
-      note_refusal(c, kSizeless, offer.delta_bic);
-      continue;
-    }
-    std::vector<Term> with = terms;
-    with.push_back(offer.term);
+    std::vector<Term> with = joined(terms, offer.term);
     const double gain = search_.fit(with) - search_.gain_of(terms);
     if (gain < inexact_at(search_, offer.term, terms)) {
       note_refusal(c, kNoMoreThanInexact, offer.delta_bic);

@@ -14,7 +14,7 @@ namespace diffnea {
 namespace {
 
 constexpr const char* kHelpsNot = "does not help on held-out data beside the others";
-constexpr const char* kHidden = "hardly visible beside the base parameters";
+constexpr const char* kSizeless = "of no size that this recording tells";
 constexpr const char* kMayBeNothing = "may be of size zero beside the others";
 constexpr const char* kImpossible = "comes to a size that no robot has, beside the others";
 
@@ -53,9 +53,7 @@ bool Selection::drop_needless(std::vector<Term>& terms) {
     const bool vague = !has_size(c, terms[i]) &&
                        (c.effect.info().motor != HiddenMotor::kNone || worse < kLeastSizeless);
     const char* why =
-        impossible(terms[i])                   ? kImpossible
-        : vague                                ? kSizeless
-        : terms[i].visible_share() < kAbsorbed ? kHidden
+        vague ? kSizeless
         : may_be_nothing(terms[i], sizes(search_, terms, i, covariances(search_, terms)[i]))
             ? kMayBeNothing
         : shifts_torques(search_, rest) || helps(rest, terms) ? nullptr

@@ -14,11 +14,10 @@ constexpr double kChild = 0.98;    ///< of a cause's column that a more general 
 /// ΔBIC of a cause whose size the recording does not tell, at least: any noise has some shape. A
 /// motor behind a spring of any stiffness has that of whatever is late.
 constexpr double kLeastSizeless = 50.0;
-constexpr const char* kSizeless = "of no size that this recording tells";
 constexpr int kRivals = 7;  ///< candidates whose shapes are refined in the place of a cause
 
-std::vector<Term> joined(std::vector<Term> terms, Term more);
 std::vector<Term> without(const std::vector<Term>& terms, std::size_t i);
+std::vector<Term> joined(std::vector<Term> terms, Term more);
 
 /// Candidates that terms are of.
 std::set<int> names(const std::vector<Term>& terms);
