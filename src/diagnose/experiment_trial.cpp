@@ -16,8 +16,6 @@ constexpr int kGaussNewton = 6;         ///< steps of a rival's parameters
 constexpr std::size_t kMostStarts = 8;  ///< of a rival's shapes
 constexpr double kPassBand = 2.5;       ///< the filter's cut-off over the motion's fastest harmonic
 
-constexpr double kRows = 50.0;  ///< a second, for fast motions
-constexpr double kSeen = 0.3;   ///< of the rows' rate: faster harmonics do not show
 
 std::unique_ptr<RecordingSource> source(const ExperimentContext& c, const Trajectory& t) {
   Recording r = imaginary_recording(t);
@@ -32,35 +30,17 @@ std::unique_ptr<RecordingSource> source(const ExperimentContext& c, const Trajec
   return recordings_in_memory(c.model, std::move(one));
 }
 
-/// A recording of slow motion is reduced to few rows a second, which would not show a fast one.
-bool too_slow(const ExperimentContext& c, double fastest_hz) {
-  const DecimatorOptions& d = c.plan.decimator;
-  const double rows = d.rate_hz / d.factor;
-  return d.factor > 1 && rows < kRows && kSeen * rows < fastest_hz;
-}
-
 PreprocessPlan plan(const ExperimentContext& c, double fastest_hz) {
   PreprocessPlan out = c.plan;
-  if (too_slow(c, fastest_hz)) {
-    out.decimator = {
-        .rate_hz = c.plan.decimator.rate_hz,
-        .factor = std::max(1, static_cast<int>(std::lround(c.plan.decimator.rate_hz / kRows)))};
-  }
   out.filter_hz = std::max(out.filter_hz, std::min(kPassBand * fastest_hz, 0.4 / out.dt));
   return out;
 }
 
-/// The recording's own; for more rows a second than it had, white noise of the same density.
-std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& evidence,
-                              double fastest_hz) {
+/// The recording's own.
+std::vector<JointNoise> noise(const ExperimentContext& c, const Evidence& evidence) {
   if (evidence.joints() != c.joints)
     throw ModelError("not every joint of the recording moves in the planned motion");
-  std::vector<JointNoise> out = c.noise;
-  if (!too_slow(c, fastest_hz)) return out;
-  const double wider = std::sqrt(static_cast<double>(c.plan.decimator.factor) /
-                                 static_cast<double>(plan(c, fastest_hz).decimator.factor));
-  for (JointNoise& n : out) n = white(n.rms * wider);
-  return out;
+  return c.noise;
 }
 
 }  // namespace
@@ -69,7 +49,7 @@ ExperimentTrial::ExperimentTrial(const ExperimentContext& c, const Trajectory& m
                                  double fastest_hz)
     : context_(c),
       evidence_(c.model, {c.reference}, c.layout, *source(c, motion), plan(c, fastest_hz), 0.0, {}),
-      whitener_(evidence_, noise(c, evidence_, fastest_hz), {}),
+      whitener_(evidence_, noise(c, evidence_), {}),
       projection_(evidence_, whitener_, c.prior),
       seconds_(motion.time[motion.rows() - 1] - motion.time[0]) {
   evidence_.set_reference(c.reference);
