@@ -14,8 +14,6 @@
 namespace diffnea {
 namespace {
 
-/// Used rows of a joint; of fewer, nothing is learned.
-constexpr long kLeastRowsOfJoint = 8;
 constexpr int kDrawn = 41, kDrawnOfPair = 25;
 
 /// Values of a table's variables that go with rows of the k-th joint, (times(), variables).
@@ -93,7 +91,6 @@ class Trial {
     const MatX<double> x = states(evidence_, joint, axes);
     const std::vector<bool>& kept = search_.whitener().kept();
     const std::vector<bool> used(kept.begin() + joint * m, kept.begin() + (joint + 1) * m);
-    if (std::ranges::count(used, true) < kLeastRowsOfJoint) return std::nullopt;
     const BumpRows rows(search_, terms_, beside.there, joint);
     int tried = 1;
     table = best_grid([&](const MatX<double>& columns) { return rows.fit(columns).cost; }, x, axes,
