@@ -116,9 +116,8 @@ void bound_cogging(const Evidence& evidence, Candidate& c) {
 
 /// Bristles that bend by less than the positions' noise do not show: what is left is Coulomb's.
 void bound_presliding(const Evidence& evidence, const std::vector<double>& q_noise, Candidate& c) {
-  const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
   const auto [low, high] = range_of(evidence, c.effect.joints[0]);
-  const double least = joint < q_noise.size() ? kPreslidingNoises * q_noise[joint] : 0.0;
+  const double least = kPreslidingNoises * q_noise[c.effect.joints[0]];
   const double most = kPreslidingRange * (high - low);
   std::erase_if(c.grid, [&](const std::vector<double>& g) { return g[0] < least || g[0] > most; });
   c.shape_low = {least};
@@ -128,10 +127,9 @@ void bound_presliding(const Evidence& evidence, const std::vector<double>& q_noi
 /// Gaps from those that the positions' noise hides to the largest of the catalogue; none if it
 /// hides them all.
 void bound_backlash(const std::vector<double>& q_noise, Candidate& c) {
-  const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
   double least = c.grid.front()[0];
   const double most = c.grid.back()[0];
-  if (joint < q_noise.size() && q_noise[joint] > 0.0) least = kGapNoises * q_noise[joint];
+  if (const double noise = q_noise[c.effect.joints[0]]; noise > 0.0) least = kGapNoises * noise;
   c.shape_low = {least};
   std::set<std::vector<double>> sides;  // sides of the encoder follow the gap in a point
   for (const std::vector<double>& point : c.grid) sides.emplace(point.begin() + 1, point.end());
@@ -236,16 +234,11 @@ std::vector<Refusal> bound_shapes(const Evidence& evidence, const FitLayout& lay
     switch (c.bound()) {
       case SearchBound::kNone:
         break;
-      case SearchBound::kTorque: {
+      case SearchBound::kTorque:
         bound_saturation(evidence, c);
-        const std::size_t joint = static_cast<std::size_t>(c.effect.joints[0]);
-        drop_noisy_limits(evidence,
-                          joint < plan.tau_noise.size() ? plan.tau_noise[joint]
-                                                        : std::numeric_limits<double>::quiet_NaN(),
-                          c);
+        drop_noisy_limits(evidence, plan.tau_noise[c.effect.joints[0]], c);
         none = "not tried: the torque's noise is too large";
         break;
-      }
       case SearchBound::kRipple:
         bound_cogging(evidence, c);
         break;

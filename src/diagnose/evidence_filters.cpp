@@ -83,15 +83,13 @@ void Evidence::take_filters(const Model& links, const PreprocessPlan& plan,
   SignalNoise noise{VecX<double>(num_dofs_), VecX<double>(num_dofs_),
                     base_joints_ > 0 ? base_joints_ - 3 : -1};
   for (int j = 0; j < num_dofs_; ++j) {
-    const std::size_t k = static_cast<std::size_t>(j);
-    const double torque = k < plan.tau_noise.size() ? plan.tau_noise[k] : 0.0;
+    const double torque = std::max(0.0, plan.tau_noise[j]);  // not a number: there is none
     // Between two new positions there is none.
-    const int rows = (k < plan.refresh.size() ? plan.refresh[k] : 1) * (halves_ ? 2 : 1);
-    noise.position[j] =
-        std::max(k < plan.q_noise.size() ? std::sqrt(rows) * plan.q_noise[k] : 0.0, kLeastPosition);
-    noise.density[j] = plan.dt * (std::pow(torque > 0.0 ? torque : 0.0, 2) +
-                                  std::pow(driven[k] ? kLeastNoise : kRounding, 2) *
-                                      std::max(squares[j] / samples, 1e-300));
+    const int rows = plan.refresh[j] * (halves_ ? 2 : 1);
+    noise.position[j] = std::max(std::sqrt(rows) * plan.q_noise[j], kLeastPosition);
+    noise.density[j] =
+        plan.dt * (std::pow(torque, 2) + std::pow(driven[j] ? kLeastNoise : kRounding, 2) *
+                                             std::max(squares[j] / samples, 1e-300));
   }
   constant_.assign(joints_.size(), MatX<double>(times(), 1));
   std::vector<std::vector<double>> settled(joints_.size());

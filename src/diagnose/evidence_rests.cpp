@@ -51,8 +51,7 @@ void Evidence::take_standstills(const FitLayout& layout, const PreprocessPlan& p
   if (driven_rows_.closed() && !dry.empty()) dry.insert(joints_.begin(), joints_.end());
   std::vector<int> moving;
   for (const int j : joints_) {
-    const std::size_t at = static_cast<std::size_t>(j);
-    if (at < plan.q_noise.size() && collector.about(0).has_tau[at]) {
+    if (collector.about(0).has_tau[j]) {
       stuck_[j] = stuck_at(j,
                            !dry.contains(j)                 ? Turns::kWholeStretches
                            : !fitted                        ? Turns::kLeftOut

@@ -20,10 +20,6 @@ constexpr double kShared = 0.25;
 /// Change of slope, over the positions' size, that is rounding of lines between new ones.
 constexpr double kRounding = 1e-12;
 
-int refresh_of(const PreprocessPlan& plan, long j) {
-  return static_cast<std::size_t>(j) < plan.refresh.size() ? plan.refresh[j] : 1;
-}
-
 /// Rows at which a sensor has shown something new, or the same once more.
 std::vector<long> new_rows(const VecX<double>& y, int refresh) {
   std::vector<long> out;
@@ -41,7 +37,7 @@ std::vector<long> new_rows(const VecX<double>& y, int refresh) {
 double shared_rounding(const PreprocessPlan& plan, const std::vector<RowMatX<double>>& positions,
                        int joint) {
   const double step = 1.01 * plan.q_step[joint];
-  const int refresh = refresh_of(plan, joint);
+  const int refresh = plan.refresh[joint];
   const double hz = std::min(plan.filter_hz, 1.0 / (kRateOfHalf * 2.0 * refresh * plan.dt));
   const detail::PathSmoother smoother(hz, 1.0 / plan.dt);
   const long ends = std::lround(2.0 / (hz * plan.dt));  // they hang on few samples
@@ -80,7 +76,7 @@ RowMatX<double> half_of(const RowMatX<double>& logged, const PreprocessPlan& pla
   RowMatX<double> out = logged;
   for (long j = 0; j < logged.cols(); ++j) {
     const VecX<double> y = logged.col(j);
-    const std::vector<long> rows = new_rows(y, refresh_of(plan, j));
+    const std::vector<long> rows = new_rows(y, plan.refresh[j]);
     std::vector<long> known;
     for (std::size_t i = even ? 0 : 1; i < rows.size(); i += 2) known.push_back(rows[i]);
     if (known.empty()) continue;

@@ -56,11 +56,9 @@ double telling_hz(const Model& links, const std::vector<Recording>& sample,
   const VecX<double> inertia = inertias(links, sample);
   double out = 0.0;
   for (long j = 0; j < inertia.size(); ++j) {
-    const std::size_t k = static_cast<std::size_t>(j);
-    if (k >= plan.q_noise.size() || k >= plan.tau_noise.size() || !(plan.tau_noise[k] > 0.0))
-      continue;
-    if (!(plan.q_noise[k] > 0.0) || !(inertia[j] > 0.0)) return 0.0;
-    out = std::max(out, std::sqrt(plan.tau_noise[k] / (inertia[j] * plan.q_noise[k])) /
+    if (!(plan.tau_noise[j] > 0.0)) continue;
+    if (!(plan.q_noise[j] > 0.0) || !(inertia[j] > 0.0)) return 0.0;
+    out = std::max(out, std::sqrt(plan.tau_noise[j] / (inertia[j] * plan.q_noise[j])) /
                             (2.0 * std::numbers::pi));
   }
   return out;
