@@ -25,7 +25,8 @@ class Drive:
     """Torques of a model's position servos, with all that robot descriptions have no place for.
 
     The law is that of the effect ``position_servo``: a setpoint that moves no faster than the
-    drive's speed, a delay, a dead band, a reach, and the motor's braking; less the joint's
+    drive's speed, a delay, a dead band, a derivative time, a reach, and the motor's braking; less
+    the joint's
     ``torque_offset``, which acts in a drive that is off, too. With a ``supply_sag``, its torque
     follows the supply; with an ``integral_action``, it integrates its error from call to call;
     with a ``feed_forward``, it is told a velocity and a torque, too. A robot description holds
@@ -43,8 +44,8 @@ class Drive:
         joints: which joints, in the order of the arrays. Default: all that have a servo, in the
             model's order.
         gain: gain of the firmware in the unit of the recordings' sidecars, one or (n,).
-        damping: whether the torque has the motor's braking. False where the simulator has it
-            already, as joint damping of an exported description.
+        damping: whether the torque has the motor's braking beyond its reach. False where the
+            simulator has it already, as joint damping of an exported description.
 
     Raises:
         ModelError: for a joint without a servo, or a model without one.
@@ -82,7 +83,9 @@ class Drive:
             return np.array([servo.parameters[name] for servo in servos])
 
         self._stiffness, self._reach, self._dead_band = of("stiffness"), of("reach"), of("dead_band")
-        self._damping = of("damping") if damping else np.zeros(len(servos))
+        self._derivative_time = of("derivative_time")
+        beyond = of("damping") - self._stiffness * self._derivative_time
+        self._damping = beyond if damping else np.zeros(len(servos))
         speed = of("speed")
         self._speed = np.where(speed < _NO_BOUND, speed, np.inf)
         self._delay = np.maximum(of("delay"), 0.0)
@@ -152,10 +155,10 @@ class Drive:
         self._integral = self._integral + self._summed * max(time - self._last, 0.0)
         asked = np.sign(error) * np.maximum(np.abs(error) - self._dead_band, 0.0)
         asked = asked + self._rate * self._integral
-        # While it saturates, nothing that would drive it on is summed up.
+        # While these saturate it, nothing that would drive it on is summed up.
         held = np.isnan(wanted) | ((np.abs(asked) > self._reach) & (asked * error > 0.0))
         self._summed, self._last = np.where(held, 0.0, error), time
-        error = np.clip(asked, -self._reach, self._reach)
+        error = np.clip(asked - self._derivative_time * qd, -self._reach, self._reach)
         pull = self._strength(supply) * self._stiffness * error - self._damping * qd
         pull = pull + self._by_velocity * velocity + self._by_torque * torque
         told: NDArray[np.float64] = np.where(np.isnan(wanted), 0.0, pull) - self._offset

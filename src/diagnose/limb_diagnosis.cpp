@@ -27,9 +27,9 @@ bool can_be_simulated(const Candidate& c, const std::vector<bool>& led) {
   const EffectInfo& info = c.effect.info();
   if (hides_motor(c.effect) || info.has(Trait::kOfServo))
     return c.effect.joints.size() == 1 && led[c.effect.joints.front()];
-  return info.port == Port::kJointTorque && !info.has(Trait::kReadsCommand) &&
-         !info.has(Trait::kGain) && !info.has(Trait::kRotor) && !reads_time(c.effect) &&
-         c.choices.empty() && !c.linear.empty();
+  return (info.port == Port::kJointTorque || info.has(Trait::kInertia)) &&
+         !info.has(Trait::kReadsCommand) && !info.has(Trait::kGain) && !info.has(Trait::kRotor) &&
+         !reads_time(c.effect) && c.choices.empty() && !c.linear.empty();
 }
 
 using Asked = std::optional<std::vector<std::string>>;

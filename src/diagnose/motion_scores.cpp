@@ -10,7 +10,9 @@
 #include "diagnose/motion_search.hpp"
 #include "diagnose/signed_fit.hpp"
 #include "diagnose/window_selection.hpp"
+#include "identify/drives.hpp"
 #include "identify/gears.hpp"
+#include "identify/joint_bench.hpp"
 #include "identify/passes.hpp"
 
 namespace diffnea {
@@ -31,11 +33,20 @@ std::vector<EffectSpec> offers_of_law(BoundEffect effect) {
   return out;
 }
 
+/// Σ (e/σ)² of a fit; infinite where some run blows up.
+double cost_of(const MotionFit& fit) { return fit.blown_up > 0 ? kInfinity : 2.0 * fit.objective; }
+
 }  // namespace
 
 bool is_scored_by_steps(const BoundEffect& effect) {
   return hides_motor(effect) || effect.info().has(Trait::kOfServo);
 }
+
+/// What the bench of a joint tells of an effect there.
+struct MotionSearch::OnBench {
+  std::vector<MotionSolution> begun;     ///< the best of each side, but for those of no use
+  std::optional<WindowScore> useless{};  ///< the score where none is of use
+};
 
 struct MotionSearch::Variant {
   std::size_t score;        ///< index among the scores
@@ -80,7 +91,6 @@ std::vector<EffectSpec> MotionSearch::hidden_by_noise(
 
 std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
                                                   const std::vector<EffectSpec>& candidates) {
-  constexpr int kBrief = 4;  // steps by which the base takes back what it had bent by
   std::vector<WindowScore> out;
   // Beside effects that read accelerations a simulation takes other steps.
   std::vector<std::vector<Variant>> explicit_passes, implicit_passes;
@@ -113,83 +123,209 @@ std::vector<WindowScore> MotionSearch::new_scores(const MotionSolution& at,
     std::ranges::stable_sort(out, std::ranges::greater{}, &WindowScore::promise);
   };
   sort();
-  std::optional<MotionSolution> brief;
+  Beside beside;
   const std::vector<EffectSpec> hidden =
       by_steps.empty() ? std::vector<EffectSpec>{} : hidden_by_noise(at, candidates);
   for (const BoundEffect* effect : by_steps) {
     if (progress_ && !progress_("testing", 0)) return {};
     if (holds_effect(hidden, {effect->info().name, effect->where, {}})) continue;
-    if (!brief) brief = stepped(at, at.terms, brief_, kBrief);
     // The last of those that are refitted; what stays behind it need not be known better.
     const double to_beat =
         std::ssize(out) < windows::kRefitted ? kInfinity : at.cost - out[windows::kRefitted - 1].lm;
-    if (std::optional<WindowScore> of = score_by_steps(at, *brief, *effect, together, to_beat))
+    if (std::optional<WindowScore> of = score_by_steps(at, beside, *effect, together, to_beat))
       out.push_back(std::move(*of));
     sort();
   }
   return out;
 }
 
+FitLayout MotionSearch::layout_as_before(const Model& model, const std::vector<EffectSpec>& terms,
+                                         const std::vector<std::string>& held,
+                                         const FitLayout& before, const BoundEffect* of) const {
+  FitLayout out = layout_of(model, terms, held);
+  for (FitParameter& p : out.linear) {
+    const auto known = std::ranges::find(before.linear, p.name, &FitParameter::name);
+    if (known != before.linear.end()) p.fixed = known->fixed;
+  }
+  for (auto* list : {&out.linear, &out.shape})
+    for (FitParameter& p : *list)
+      if (of && p.effect >= 0)
+        p.fixed = p.fixed || out.effects[static_cast<std::size_t>(p.effect)].joints != of->joints;
+  return out;
+}
+
+MotionFit MotionSearch::steps_of(const MotionProblem& of, const VecX<double>& x,
+                                 std::vector<MotionWindow>& windows, int steps,
+                                 double to_beat) const {
+  MotionProblem all = of;
+  all.scale = VecX<double>::Ones(static_cast<long>(of.layout.linear.size()));
+  MotionOptions few = data_.options;
+  few.max_iterations = steps;
+  VecX<double> shape(static_cast<long>(of.layout.shape.size()));
+  for (std::size_t s = 0; s < of.layout.shape.size(); ++s)
+    shape[static_cast<long>(s)] = of.layout.shape[s].prior;
+  MotionFitter fitter(all, few, x, shape,
+                      [&](int, double) { return !progress_ || progress_("testing", 0); });
+  fitter.fit(windows, data_.options.tolerance, 0.5 * to_beat);
+  return fitter.now();
+}
+
 MotionSolution MotionSearch::stepped(MotionSolution from, const std::vector<EffectSpec>& terms,
                                      const std::vector<MotionWindow>& windows, int steps,
                                      double to_beat, const BoundEffect* of) const {
   MotionSolution out = std::move(from);
-  const FitLayout before = std::move(out.layout);
   for (const EffectSpec& t : terms)
     if (!holds_effect(out.model.effects, t)) out.model.effects.push_back(t);
   out.windows = windows;
-  out.layout = layout_of(out.model, terms, out.held);
-  for (FitParameter& p : out.layout.linear) {
-    const auto known = std::ranges::find(before.linear, p.name, &FitParameter::name);
-    if (known != before.linear.end()) p.fixed = known->fixed;
-  }
-  for (auto* list : {&out.layout.linear, &out.layout.shape})
-    for (FitParameter& p : *list)
-      if (of && p.effect >= 0)
-        p.fixed =
-            p.fixed || out.layout.effects[static_cast<std::size_t>(p.effect)].joints != of->joints;
-  VecX<double> shape(static_cast<long>(out.layout.shape.size()));
-  for (std::size_t s = 0; s < out.layout.shape.size(); ++s)
-    shape[static_cast<long>(s)] = out.layout.shape[s].prior;
-  MotionProblem all = problem(out.model, out.layout);
-  all.scale = VecX<double>::Ones(static_cast<long>(out.layout.linear.size()));
-  MotionOptions few = data_.options;
-  few.max_iterations = steps;
-  MotionFitter fitter(all, few, out.layout.prior(), shape,
-                      [&](int, double) { return !progress_ || progress_("testing", 0); });
-  fitter.fit(out.windows, data_.options.tolerance, 0.5 * to_beat);
-  out.fit = fitter.now();
-  out.cost = out.fit.blown_up > 0 ? kInfinity : 2.0 * out.fit.objective;
+  out.layout = layout_as_before(out.model, terms, out.held, out.layout, of);
+  out.fit =
+      steps_of(problem(out.model, out.layout), out.layout.prior(), out.windows, steps, to_beat);
+  out.cost = cost_of(out.fit);
   out.model = apply_fit(out.model, out.layout, out.fit.x, out.fit.shape);
   return out;
 }
 
-std::optional<WindowScore> MotionSearch::score_by_steps(const MotionSolution& at,
-                                                        const MotionSolution& brief,
+std::optional<MotionSearch::OnBench> MotionSearch::begun_on_bench(
+    const MotionSolution& at, std::optional<std::vector<MotionStretch>>& moves,
+    const BoundEffect& effect, const std::vector<std::vector<EffectSpec>>& offers) const {
+  constexpr int kFirst = 4;  // steps by which sizes compete
+  constexpr int kMore = 20;  // steps of the best, away from where the base has bent to
+  constexpr std::size_t kPieces = 8;
+  constexpr double kSmooth = 4.0;  // rows through which a simulated position is a polynomial
+  const double first = horizons(data_.data.train, data_.data.noise, data_.options).front();
+  const EffectSpec& any = offers.front().front();
+  const std::vector<EffectSpec> terms = with_effect(at.terms, any);
+  MotionSolution with = at;
+  with.model.effects.push_back(any);
+  const FitLayout layout = layout_as_before(with.model, terms, at.held, at.layout);
+  if (!has_benches(with.model, layout)) return {};
+  const int joint = effect.joints.front();
+  if (!moves) moves = simulated(at);
+  const JointBench bench(with.model, data_.data, *moves, layout,
+                         kSmooth * data_.data.noise.period[joint], joint, BenchGears::kTaken);
+  const int there = index_of(bench.layout(), any);
+  if (!bench.is_whole() || there < 0) return {};
+  std::vector<MotionWindow> measured;
+  for (std::size_t k = 0; k < brief_.size(); k += (brief_.size() + kPieces - 1) / kPieces)
+    measured.push_back(brief_[k]);
+  set_measured_states(bench.data().train, first, measured);
+  const auto fit = [&](const FitLayout& l, int steps, double to_beat) {
+    std::vector<MotionWindow> windows = measured;
+    const MotionProblem of{
+        bench.model(), l, bench.data().train, bench.data().runs, bench.data().noise.position, {}};
+    return steps_of(of, l.prior(), windows, steps, to_beat);
+  };
+  const auto is_its = [&](const FitParameter& p) { return p.effect == there; };
+  // The joint without it takes back what the bench is off by, as it does with it.
+  FitLayout without = bench.layout();
+  std::erase_if(without.linear, is_its);
+  std::erase_if(without.shape, is_its);
+  without.effects.pop_back();
+  const double cost = cost_of(fit(without, kFirst, kInfinity));
+  OnBench out;
+  for (const std::vector<EffectSpec>& side : offers) {
+    MotionBeginning best;
+    double least = kInfinity;
+    long samples = 0;
+    std::size_t chosen = 0;
+    const auto take = [&](FitLayout l, const MotionFit& now) {
+      least = cost_of(now);
+      samples = now.samples;
+      best = {.layout = std::move(l),
+              .scale = VecX<double>::Zero(now.x.size()),
+              .start = now.x,
+              .shape = now.shape};
+    };
+    const auto offer = [&](std::size_t i) {
+      FitLayout l = bench.layout();
+      std::vector<double>& values = l.effects[static_cast<std::size_t>(there)].parameters;
+      for (std::size_t k = 0; k < values.size(); ++k) values[k] = side[i].parameters[k].value;
+      for (auto* list : {&l.linear, &l.shape})
+        for (FitParameter& p : *list)
+          if (is_its(p)) p.prior = values[static_cast<std::size_t>(p.index)];
+      const MotionFit now = fit(l, kFirst, std::min(least, cost));
+      if (!(cost_of(now) < least)) return;
+      chosen = i;
+      take(std::move(l), now);
+    };
+    // Every other size, then those beside the best.
+    for (std::size_t i = 0; i < side.size(); i += 2) offer(i);
+    for (const std::size_t i : {chosen - 1, chosen + 1})
+      if (i < side.size()) offer(i);
+    if (!(least < kInfinity)) continue;
+    FitLayout from = best.layout;
+    for (std::size_t k = 0; k < from.linear.size(); ++k)
+      from.linear[k].prior = best.start[static_cast<long>(k)];
+    for (std::size_t k = 0; k < from.shape.size(); ++k)
+      from.shape[k].prior = best.shape[static_cast<long>(k)];
+    const MotionFit end = fit(from, kMore, cost);
+    if (cost_of(end) < least) take(std::move(from), end);
+    const double more = count_free(best.layout) - count_free(without),
+                 better = window_delta_bic(cost, least, static_cast<double>(samples), 1.0, more);
+    if (!out.useless || better > out.useless->delta_bic)
+      out.useless = WindowScore{.effect = to_spec(effect),
+                                .lm = std::max(cost - least, 0.0),
+                                .delta_bic = better,
+                                .promise = better,
+                                .parameters = more,
+                                .visible_share = 1.0};
+    if (!(better > 0.0)) continue;
+    MotionBeginning whole{.layout = layout,
+                          .scale = VecX<double>::Zero(static_cast<long>(layout.linear.size())),
+                          .start = layout.prior(),
+                          .shape = VecX<double>(static_cast<long>(layout.shape.size()))};
+    for (std::size_t s = 0; s < layout.shape.size(); ++s)
+      whole.shape[static_cast<long>(s)] = layout.shape[s].prior;
+    bench.put(best, whole);
+    MotionSolution s = with;
+    s.model = apply_fit(with.model, whole.layout, whole.start, whole.shape);
+    out.begun.push_back(std::move(s));
+  }
+  return out;
+}
+
+std::vector<MotionSolution> MotionSearch::begun_with_all(
+    const MotionSolution& at, const MotionSolution& brief, const BoundEffect& effect,
+    const std::vector<std::vector<EffectSpec>>& offers) const {
+  constexpr int kSteps = 2;
+  std::vector<MotionSolution> out;
+  for (const std::vector<EffectSpec>& side : offers) {
+    std::optional<MotionSolution> best;
+    for (const EffectSpec& spec : side)
+      if (MotionSolution s = stepped(brief, with_effect(at.terms, spec), brief.windows, kSteps,
+                                     best ? best->cost : kInfinity, &effect);
+          !best || s.cost < best->cost)
+        best = std::move(s);
+    if (best && best->cost < kInfinity) out.push_back(std::move(*best));
+  }
+  return out;
+}
+
+std::optional<WindowScore> MotionSearch::score_by_steps(const MotionSolution& at, Beside& beside,
                                                         const BoundEffect& effect,
                                                         double correlation, double to_beat) {
-  constexpr int kFirst = 2;           // steps in brief windows, by which sizes compete
-  constexpr int kSteps = 4;           // steps that lead away from where the base has bent to
-  std::vector<MotionSolution> begun;  // the best of each side
-  const std::vector<std::vector<EffectSpec>> offers =
-      hides_motor(effect)
-          ? gear_offers(effect, brief.layout, brief.fit.x, brief.fit.shape, data_.data)
-          : std::vector<std::vector<EffectSpec>>{offers_of_law(effect)};
-  for (const std::vector<EffectSpec>& side : offers) {
-    std::optional<MotionSolution> first;
-    for (const EffectSpec& spec : side)
-      if (MotionSolution s = stepped(brief, with_effect(at.terms, spec), brief.windows, kFirst,
-                                     first ? first->cost : kInfinity, &effect);
-          !first || s.cost < first->cost)
-        first = std::move(s);
-    if (first) begun.push_back(std::move(*first));
-  }
+  constexpr int kBrief = 4;  // steps by which the base takes back what it had bent by
+  constexpr int kSteps = 4;  // steps that lead away from where the base has bent to
   const EffectSpec spec{effect.info().name, effect.where, {}};
+  const auto offers_at = [&](const MotionSolution& s) {
+    return hides_motor(effect) ? gear_offers(effect, s.layout, s.fit.x, s.fit.shape, data_.data)
+                               : std::vector<std::vector<EffectSpec>>{offers_of_law(effect)};
+  };
+  std::vector<std::vector<EffectSpec>> offers = offers_at(at);
+  std::optional<OnBench> bench = begun_on_bench(at, beside.moves, effect, offers);
+  std::vector<MotionSolution> begun;
+  if (bench) {
+    begun = std::move(bench->begun);
+  } else {
+    if (!beside.brief) beside.brief = stepped(at, at.terms, brief_, kBrief);
+    offers = offers_at(*beside.brief);
+    begun = begun_with_all(at, *beside.brief, effect, offers);
+  }
+  if (begun.empty()) return bench ? bench->useless : std::nullopt;
   const MotionSolution* best = nullptr;
   for (MotionSolution& s : begun) {
     s.layout = at.layout;
-    if (s.cost < kInfinity)
-      s = stepped(std::move(s), with_effect(at.terms, spec), at.windows, kSteps, to_beat);
+    s = stepped(std::move(s), with_effect(at.terms, spec), at.windows, kSteps, to_beat);
     if (s.cost < kInfinity && (!best || s.cost < best->cost)) best = &s;
   }
   if (!best) return {};

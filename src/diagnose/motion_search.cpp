@@ -289,6 +289,19 @@ double MotionSearch::delta_bic(const MotionSolution& a, const MotionSolution& b)
                           count_free(b.layout) - count_free(a.layout));
 }
 
+std::vector<MotionStretch> MotionSearch::simulated(const MotionSolution& at) const {
+  const VecX<double>& noise = data_.data.noise.position;
+  std::vector<MotionStretch> out = data_.data.train;
+  const std::vector<RowMatX<double>> off = errors(at, out, at.windows, false);
+  for (std::size_t k = 0; k < off.size(); ++k) {
+    const MotionWindow& w = at.windows[k];
+    RowMatX<double> e = off[k];
+    e.array().rowwise() *= noise.transpose().array();
+    out[w.stretch].q.middleRows(w.first, w.rows) += e;
+  }
+  return out;
+}
+
 std::vector<RowMatX<double>> MotionSearch::errors(const MotionSolution& at,
                                                   const std::vector<MotionStretch>& stretches,
                                                   std::vector<MotionWindow> windows,

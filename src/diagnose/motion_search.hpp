@@ -110,6 +110,12 @@ class MotionSearch {
 
  private:
   struct Variant;  // a candidate at one point of its grid
+  struct OnBench;
+  /// What scores beside a solution share, each made where it is asked for.
+  struct Beside {
+    std::optional<MotionSolution> brief;              ///< the same terms, fitted to brief_
+    std::optional<std::vector<MotionStretch>> moves;  ///< stretches as it simulates them
+  };
 
   FitLayout layout_of(const Model& model, const std::vector<EffectSpec>& terms,
                       const std::vector<std::string>& held) const;
@@ -142,11 +148,30 @@ class MotionSearch {
   MotionProblem problem(const Model& model, const FitLayout& layout) const;
   /// Gain of what no torque is linear in, a spring or gap in a gear or a part of a drive's law: at
   /// its offers, what a few steps of a fit reach. None: every simulation with it blows up.
-  /// @param brief    the same terms, fitted to brief_
+  /// @param beside   `at`; written where it is needed
   /// @param to_beat  cost that it must come to: steps end where ten more would hardly do
-  std::optional<WindowScore> score_by_steps(const MotionSolution& at, const MotionSolution& brief,
+  std::optional<WindowScore> score_by_steps(const MotionSolution& at, Beside& beside,
                                             const BoundEffect& effect, double correlation,
                                             double to_beat);
+  /// The layout of a model with these terms; what was held before stays so.
+  /// @param of  effect of the joints that move alone, all else as it is; null: all move
+  FitLayout layout_as_before(const Model& model, const std::vector<EffectSpec>& terms,
+                             const std::vector<std::string>& held, const FitLayout& before,
+                             const BoundEffect* of = nullptr) const;
+  /// Where each side of an effect's offers may begin: the offer that does best in brief windows, on
+  /// the bench of its joint. None: the robot has no such bench.
+  /// @param moves  of `at`; written where it is needed
+  std::optional<OnBench> begun_on_bench(const MotionSolution& at,
+                                        std::optional<std::vector<MotionStretch>>& moves,
+                                        const BoundEffect& effect,
+                                        const std::vector<std::vector<EffectSpec>>& offers) const;
+  /// The same with all of the robot, of which the joint alone moves. @param brief  of `at`
+  std::vector<MotionSolution> begun_with_all(
+      const MotionSolution& at, const MotionSolution& brief, const BoundEffect& effect,
+      const std::vector<std::vector<EffectSpec>>& offers) const;
+  /// Where a few steps of a fit to windows end. @param x  (p) where it begins
+  MotionFit steps_of(const MotionProblem& of, const VecX<double>& x,
+                     std::vector<MotionWindow>& windows, int steps, double to_beat) const;
   /// A few steps of a fit to windows. What was held stays so.
   /// @param of  effect of the joints that move alone, all else as it is; null: all move
   MotionSolution stepped(MotionSolution from, const std::vector<EffectSpec>& terms,
@@ -154,6 +179,8 @@ class MotionSearch {
                          double to_beat = kInfinity, const BoundEffect* of = nullptr) const;
   void score(const MotionSolution& at, const std::vector<Variant>& variants, double correlation,
              std::vector<WindowScore>& out) const;
+  /// The stretches as a solution simulates them, as measured beyond its windows.
+  std::vector<MotionStretch> simulated(const MotionSolution& at) const;
   std::vector<RowMatX<double>> errors(const MotionSolution& at,
                                       const std::vector<MotionStretch>& stretches,
                                       std::vector<MotionWindow> windows, bool fit_states) const;

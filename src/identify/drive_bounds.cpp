@@ -15,6 +15,22 @@ namespace {
 /// Windows that share threads, of which the first ones mostly decide.
 constexpr std::size_t kTogether = 4;
 
+bool is_derivative_time(const FitLayout& layout, const FitParameter& shape) {
+  return is_bound_of_drive(layout, shape) && shape.name.ends_with(".derivative_time");
+}
+
+/// Value of a drive's parameter at a point of a fit; NaN: the layout has none.
+double value_at(const FitLayout& layout, const MotionFit& at, int effect, const char* end) {
+  const auto is_it = [&](const FitParameter& p) {
+    return p.effect == effect && p.name.ends_with(end);
+  };
+  if (const auto p = std::ranges::find_if(layout.linear, is_it); p != layout.linear.end())
+    return at.x[p - layout.linear.begin()];
+  if (const auto s = std::ranges::find_if(layout.shape, is_it); s != layout.shape.end())
+    return at.shape[s - layout.shape.begin()];
+  return kNaN;
+}
+
 /// Bounds of drives that the fit moves, as indices of shapes.
 std::vector<std::size_t> free_bounds(const FitLayout& layout) {
   std::vector<std::size_t> out;
@@ -207,6 +223,39 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
   std::vector<std::string> names;
   for (const std::size_t k : bounds) names.push_back(climb.layout().shape[k].name);
   return names;
+}
+
+FitLayout with_held_derivatives(FitLayout layout) {
+  for (FitParameter& s : layout.shape) s.fixed = s.fixed || is_derivative_time(layout, s);
+  return layout;
+}
+
+void free_derivatives(const FitLayout& asked, const Model& model, const MotionData& data,
+                      const MotionOptions& options, MotionClimb& climb) {
+  for (std::size_t k = 0; k < asked.shape.size(); ++k) {
+    if (asked.shape[k].fixed || !is_derivative_time(asked, asked.shape[k])) continue;
+    const MotionFit at = climb.fitter().now();
+    FitLayout layout = climb.layout();
+    const auto value = [&](const char* end) {
+      return value_at(layout, at, layout.shape[k].effect, end);
+    };
+    if (!(value(".reach") < kNoBound) || !(value(".stiffness") > 0.0)) continue;
+    layout.shape[k].fixed = false;
+    VecX<double> shape = at.shape;
+    shape[static_cast<long>(k)] = value(".damping") / value(".stiffness");
+    const MotionProblem problem{
+        model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
+    MotionFitter with(problem, options, at.x, shape);
+    std::vector<MotionWindow> windows = climb.at().windows;
+    with.fit(windows, kOnTheWay);
+    const MotionFit& fit = with.now();
+    const double independent = climb.independent();
+    if (fit.blown_up > at.blown_up ||
+        bic(fit.objective, 1.0, independent) + kVeryStrong > bic(at.objective, 0.0, independent))
+      continue;
+    climb.change(layout, fit.x, fit.shape, std::move(windows));
+    climb.finish(kOnTheWay);
+  }
 }
 
 void keep_described_torques(const Model& described, const MotionData& data,

@@ -57,6 +57,16 @@ void hold_bounds_off(FitLayout& layout, VecX<double>& shape);
 std::vector<std::string> release_bounds(const Model& model, const MotionData& data,
                                         const MotionOptions& options, bool all, MotionClimb& climb);
 
+/// Holds the derivative times that are free at the model's values: only a drive at its reach tells
+/// them, and a fit does not get from one to another through runs that saturate elsewhere.
+FitLayout with_held_derivatives(FitLayout layout);
+
+/// Frees them where the drive has a reach, and windows tell beyond doubt how much of the braking
+/// ends there: from all of it.
+/// @param asked  the layout before with_held_derivatives()
+void free_derivatives(const FitLayout& asked, const Model& model, const MotionData& data,
+                      const MotionOptions& options, MotionClimb& climb);
+
 /// Gives drives whose reach no run tells the largest torque of the description, unless windows
 /// speak against it beyond doubt: it is held. A note names both kinds.
 /// @param described  the model before the fit

@@ -15,9 +15,10 @@ namespace diffnea {
 namespace {
 
 /// Tells whether an effect goes with a joint onto its bench.
-bool goes_with(const BoundEffect& e, int joint) {
-  return e.links.size() <= 1 && e.follows.empty() && e.joints == std::vector<int>{joint} &&
-         e.info().port == Port::kJointTorque && !e.info().has(Trait::kFollowsLoad) &&
+bool goes_with(const BoundEffect& e, int joint, BenchGears gears) {
+  if (e.links.size() > 1 || !e.follows.empty() || e.joints != std::vector<int>{joint}) return false;
+  if (hides_motor(e)) return gears == BenchGears::kTaken;
+  return e.info().port == Port::kJointTorque && !e.info().has(Trait::kFollowsLoad) &&
          !names_joints(e);
 }
 
@@ -79,14 +80,19 @@ Model bench(const Model& whole, int joint, double inertia) {
 }  // namespace
 
 JointBench::JointBench(const Model& whole, const MotionData& data, const FitLayout& layout,
-                       double first, int joint) {
+                       double first, int joint)
+    : JointBench(whole, data, data.train, layout, first, joint, BenchGears::kLeftOut) {}
+
+JointBench::JointBench(const Model& whole, const MotionData& data,
+                       const std::vector<MotionStretch>& moves, const FitLayout& layout,
+                       double first, int joint, BenchGears gears) {
   Model links = whole;
   std::erase_if(links.effects, [](const EffectSpec& e) {
     return find_effect(e.effect).port != Port::kModelParameter;
   });
   std::vector<Load> loads;
   double inertia = 0.0, rows = 0.0;
-  for (const MotionStretch& s : data.train) {
+  for (const MotionStretch& s : moves) {
     loads.push_back(load_of(extend(links, data.runs, s.run).tree, s, first, joint));
     inertia += loads.back().inertia.sum();
     rows += static_cast<double>(s.time.size());
@@ -102,6 +108,7 @@ JointBench::JointBench(const Model& whole, const MotionData& data, const FitLayo
                       s.q.col(joint),
                       s.u.col(joint),
                       s.u_end.col(joint),
+                      true,
                       std::make_shared<const CommandPath>(s.command->of_joints(joint, 1))};
     const VecX<double> more = inertia * l.qdd - l.torque;
     own.u.col(0) += more;
@@ -120,7 +127,11 @@ JointBench::JointBench(const Model& whole, const MotionData& data, const FitLayo
   first_linear_ = layout_.linear.size();
   std::vector<int> now(layout.effects.size(), -1);
   for (std::size_t e = 0; e < layout.effects.size(); ++e) {
-    if (!goes_with(layout.effects[e], joint)) continue;
+    if (!goes_with(layout.effects[e], joint, gears)) {
+      whole_ = whole_ &&
+               std::ranges::find(layout.effects[e].joints, joint) == layout.effects[e].joints.end();
+      continue;
+    }
     now[e] = static_cast<int>(effects_.size());
     effects_.push_back(e);
     BoundEffect own = layout.effects[e];
@@ -162,16 +173,20 @@ void JointBench::put(const MotionBeginning& own, MotionBeginning& whole) const {
   }
 }
 
+bool has_benches(const Model& model, const FitLayout& layout) {
+  const Tree<double> tree = make_tree(model);
+  return layout.num_dofs > 1 && !tree.free_base && tree.coordinates.plain() &&
+         model.constraints.empty() &&
+         std::ranges::all_of(commanded_joints(layout), std::identity());
+}
+
 std::vector<JointBench> joint_benches(const Model& model, const MotionData& data,
                                       const FitLayout& layout, double first) {
+  if (!has_benches(model, layout)) return {};
   VecX<double> shape(static_cast<long>(layout.shape.size()));
   for (long k = 0; k < shape.size(); ++k)
     shape[k] = layout.shape[static_cast<std::size_t>(k)].prior;
   const Model before = apply_fit(model, layout, layout.prior(), shape);
-  const Tree<double> tree = make_tree(model);
-  if (layout.num_dofs < 2 || tree.free_base || !tree.coordinates.plain() ||
-      !model.constraints.empty() || !std::ranges::all_of(commanded_joints(layout), std::identity()))
-    return {};
   std::vector<JointBench> out;
   for (int j = 0; j < layout.num_dofs; ++j) {
     JointBench bench(before, data, layout, first, j);

@@ -68,6 +68,7 @@ MotionData pieces_of(const MotionData& data, const FitLayout& layout, double hor
                    s.q.middleRows(w.first, w.rows),
                    s.u.middleRows(w.first, w.rows),
                    s.u_end.middleRows(w.first, w.rows),
+                   s.at_links,
                    s.command});
   }
   const double needed = each * count_free(layout) / layout.num_dofs;
@@ -284,17 +285,18 @@ MotionBeginning joint_by_joint(const Model& model, const MotionData& data, const
 
 }  // namespace
 
-MotionBeginning best_beginning(const Model& model, const MotionData& data, const FitLayout& layout,
+MotionBeginning best_beginning(const Model& model, const MotionData& data, const FitLayout& asked,
                                const std::vector<double>& ladder, const MotionOptions& options,
                                const std::function<bool(int, double)>& progress) {
   const double first = ladder.front(), trial = std::min(kTrial, ladder.back());
-  if (std::ranges::none_of(layout.shape, [&](const FitParameter& s) {
-        return !s.fixed && is_bound_of_drive(layout, s);
+  if (std::ranges::none_of(asked.shape, [&](const FitParameter& s) {
+        return !s.fixed && is_bound_of_drive(asked, s);
       }))
-    return beginning(model, data, layout, first, {});
-  if (const std::vector<JointBench> benches = joint_benches(model, data, layout, first);
+    return beginning(model, data, asked, first, {});
+  if (const std::vector<JointBench> benches = joint_benches(model, data, asked, first);
       !benches.empty())
-    return joint_by_joint(model, data, layout, benches, ladder, options, progress);
+    return joint_by_joint(model, data, asked, benches, ladder, options, progress);
+  const FitLayout layout = with_held_derivatives(asked);
   const MotionData some = pieces_of(data, layout, trial, kPieces);
   const VecX<double> limit = apart_limit(some);
   std::vector<Start> starts{{}, {.heavy_rotors = true}};
@@ -340,6 +342,7 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
     }
   if (!best->fitter().now().interrupted)
     released = release_bounds(model, some, options, true, *best);
+  if (!best->fitter().now().interrupted) free_derivatives(asked, model, some, options, *best);
   MotionBeginning out = where_it_is(*best, trial);
   if (const MotionData more = pieces_of(data, out.layout, trial, kMorePieces);
       more.train.size() > some.train.size() && !best->fitter().now().interrupted) {

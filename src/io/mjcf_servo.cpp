@@ -40,10 +40,13 @@ std::vector<ServoActuator> take_servos(Model& model, bool delays, std::vector<st
       rest.push_back(e);
       continue;
     }
-    const double kp = value_of(e, "stiffness"), reach = value_of(e, "reach");
+    const double kp = value_of(e, "stiffness"), reach = value_of(e, "reach"),
+                 damping = value_of(e, "damping");
     const bool bounded = reach < none_of("reach");
+    // Within the bound the drive brakes by itself, beyond it the joint does.
+    const double kd = bounded ? std::min(kp * value_of(e, "derivative_time"), damping) : 0.0;
     out.push_back(
-        {e.where, kp, 0.0, bounded ? kp * reach : std::numeric_limits<double>::infinity(), 0.0});
+        {e.where, kp, kd, bounded ? kp * reach : std::numeric_limits<double>::infinity(), 0.0});
     const double delay = value_of(e, "delay");
     if (delays && delay > 0.0) out.back().delay = delay;  // none acts before it is told
     for (const char* name : {"delay", "dead_band", "speed"})
@@ -52,7 +55,7 @@ std::vector<ServoActuator> take_servos(Model& model, bool delays, std::vector<st
         notes.push_back(std::string(name) + " of the position servo at " + e.where + " = " +
                         exact(value_of(e, name)));
     const std::string unit = link->type == ModelJoint::kPrismatic ? "N*s/m" : "N*m*s/rad";
-    rest.push_back({"viscous_friction", e.where, {{"viscous", value_of(e, "damping"), unit}}});
+    rest.push_back({"viscous_friction", e.where, {{"viscous", damping - kd, unit}}});
   }
   model.effects = std::move(rest);
   for (ServoActuator& servo : out) {  // an offset is what the drive gives beyond its motion's need

@@ -104,6 +104,7 @@ void LimbWindows::begin(const MotionStretch& stretch, const MotionWindow& window
   const VecX<double> still = VecX<double>::Zero(n_);
   const Tree<double>& tree = models_[now_].path.dynamics().model().tree;
   rnea_derivatives(tree, q_, qd_, still, hanging_);
+  hanging_.tau.head(joints_) -= models_[now_].path.pushes(stretch, window.first);
   torque_regressor<double, double>(models_[now_].geometry, q_, qd_, still, ws_);
   for (const HiddenRotor& r : rotors().rotors()) begin_hidden(r);
 }
@@ -124,7 +125,7 @@ void LimbWindows::begin_integrators(const MotionStretch& stretch, const MotionWi
         if (std::ranges::any_of(of.parts, acts))
           entry += sum.v[index] * (by_factor ? of.off[static_cast<std::size_t>(index)] : 1.0);
         else if (std::ranges::any_of(of.parts, sets_rate))
-          entry += sum.v[6];
+          entry += sum.v[7];
       }
   }
 }
@@ -243,7 +244,7 @@ void LimbWindows::torque_noise_reach(const MotionStretch& stretch, const MotionW
     if (k + 1 >= window.rows) return;
     const std::size_t row = static_cast<std::size_t>(window.first + k);
     const double h = stretch.time[row + 1] - stretch.time[row];
-    path.rotors().at_drives(path.logged(stretch, window.first + k), u);
+    path.act(stretch, path.logged(stretch, window.first + k), u);
     dynamics.linearise(z.data(), z.data() + n_, u.data(), stretch.run);
     // Steep friction forgets within the row: backward Euler in the velocities.
     const MatX<double> W = MatX<double>::Identity(n_, n_) - h * dynamics.dqdd_dqd();

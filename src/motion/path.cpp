@@ -72,7 +72,7 @@ const CommandPath* MotionPath::led(const std::shared_ptr<const CommandPath>& com
   return &led_;
 }
 
-VecX<double> MotionPath::first_state(const VecX<double>& read) {
+VecX<double> MotionPath::first_state(const VecX<double>& read, const VecX<double>& pushes) {
   if (rotors_.dofs() == rotors_.joints()) return read;
   const int n = rotors_.joints();
   VecX<double> out = VecX<double>::Zero(2 * n_);  // integrators begin at 0
@@ -81,8 +81,9 @@ VecX<double> MotionPath::first_state(const VecX<double>& read) {
     for (const HiddenRotor& r : rotors_.rotors())
       out[half * n_ + r.rotor] = read[half * n + r.joint];
   }
-  const VecX<double> load =
+  VecX<double> load =
       rnea<double, double>(dynamics_.model().tree, out.head(n_), out.tail(n_), still_, rnea_ws_);
+  load.head(n) -= pushes;
   for (const HiddenRotor& r : rotors_.rotors())
     out[r.hidden()] += (r.read ? -1.0 : 1.0) * deflection_at(r.gear, load[r.joint]);
   return out;
@@ -97,7 +98,7 @@ VecX<double> MotionPath::own_state(const MotionWindow& window) const {
 }
 
 VecX<double> MotionPath::first_state(const MotionStretch& stretch, const MotionWindow& window) {
-  VecX<double> out = first_state(own_state(window));
+  VecX<double> out = first_state(own_state(window), pushes(stretch, window.first));
   for (const DriveIntegrator& i : rotors_.integrators())
     out[n_ + i.dof] = summed_before(i, stretch, window).a;
   return out;
@@ -109,10 +110,10 @@ JetD MotionPath::summed_before(const DriveIntegrator& integrator, const MotionSt
   JetD sum(0.0);
   if (!path) return sum;
   const int drive = rotors_.drive(integrator.joint);
-  std::array<JetD, 6> p;
+  std::array<JetD, 7> p;
   for (std::size_t k = 0; k < p.size(); ++k)
     p[k] = JetD(path->servo(drive)[k], static_cast<int>(k));
-  const JetD rate(path->integral_rate(drive), 6);
+  const JetD rate(path->integral_rate(drive), 7);
   const int column = first_joint_ + integrator.joint;
   double last = stretch.q(0, column);
   for (long k = 0; k < window.first; ++k) {
@@ -189,9 +190,10 @@ double MotionPath::step_of_swings() const {
 /// Bound on the rate of friction at rest, where dry friction is steepest [1/s]; sets the longest
 /// step that the motion allows, too.
 double MotionPath::finest_rate(const MotionStretch& stretch, const MotionWindow& window) {
-  const VecX<double> q = first_state(own_state(window)).head(n_), rest = VecX<double>::Zero(n_);
+  const VecX<double> q = first_state(own_state(window), pushes(stretch, window.first)).head(n_),
+                     rest = VecX<double>::Zero(n_);
   VecX<double> u;
-  rotors_.at_drives(logged(stretch, window.first), u);
+  act(stretch, logged(stretch, window.first), u);
   dynamics_.set_command(led(stretch.command));
   dynamics_.set_time(stretch.time[static_cast<std::size_t>(window.first)]);
   const long moving = n_ - static_cast<long>(rotors_.integrators().size());  // no friction there

@@ -37,8 +37,9 @@ class MotionPath {
 
   /// First state of all degrees of freedom, (2N). Hidden sides begin at rest against what gravity
   /// and the motion of the links ask of them.
-  /// @param read  (2n) q, q̇ where encoders read
-  VecX<double> first_state(const VecX<double>& read);
+  /// @param read    (2n) q, q̇ where encoders read
+  /// @param pushes  (n) torques at the links
+  VecX<double> first_state(const VecX<double>& read, const VecX<double>& pushes);
   /// The same where a window begins: integrators have what their drives have summed up of the run
   /// before, by the positions that were measured.
   VecX<double> first_state(const MotionStretch& stretch, const MotionWindow& window);
@@ -48,8 +49,23 @@ class MotionPath {
   auto logged(const MotionStretch& stretch, long row) const {
     return stretch.u.row(row).segment(first_joint_, rotors_.joints()).transpose();
   }
-  /// Sum of one integrator there; derivatives 0 to 5 are those by the parameters of position_servo,
-  /// 6 that by the rate of the integral.
+  /// The same at the links, (n): none but of a stretch whose torques act there.
+  VecX<double> pushes(const MotionStretch& stretch, long row) const {
+    return stretch.at_links ? VecX<double>(logged(stretch, row))
+                            : VecX<double>::Zero(rotors_.joints());
+  }
+  /// Torques of joints (n) where they act, of all degrees of freedom (N).
+  void act(const MotionStretch& stretch, const Eigen::Ref<const VecX<double>>& u,
+           VecX<double>& out) const {
+    if (stretch.at_links) {
+      out.setZero(n_);
+      out.head(rotors_.joints()) = u;
+    } else {
+      rotors_.at_drives(u, out);
+    }
+  }
+  /// Sum of one integrator there; derivatives 0 to 6 are those by the parameters of position_servo,
+  /// 7 that by the rate of the integral.
   JetD summed_before(const DriveIntegrator& integrator, const MotionStretch& stretch,
                      const MotionWindow& window);
 
@@ -84,7 +100,7 @@ class MotionPath {
                      a * stretch.u_end.row(static_cast<long>(row)))
                         .segment(first_joint_, rotors_.joints())
                         .transpose();
-          rotors_.at_drives(logged_, u_);
+          act(stretch, logged_, u_);
         };
         long steps = 0;
         for (double t = begin; t < end - 1e-12 * h;) {

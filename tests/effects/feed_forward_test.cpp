@@ -25,7 +25,7 @@ CommandPath commands(double delay, double damping = kDamping, double share = kSh
   CommandPath path({0.0, 0.1, 0.2, 0.3, 0.4}, column({0.0, 0.1, 0.3, 0.4, off}),
                    VecX<double>::Ones(1));
   path.set_feed_forward(column({0.0, 1.0, 2.0, off, 5.0}), column({3.0, -1.0, 0.0, 2.0, 5.0}));
-  const std::vector<double> servo{10.0, 0.5, delay, 1e3, 0.0, 1e3}, fed{damping, share};
+  const std::vector<double> servo{10.0, 0.5, delay, 1e3, 0.0, 1e3, 0.0}, fed{damping, share};
   PositionServo::lead(0, servo.data(), path);
   FeedForward::lead(0, fed.data(), path);
   return path;
@@ -81,7 +81,7 @@ TEST_CASE("feed_forward: its mean over a step is that of what was told", "[effec
 TEST_CASE("feed_forward: derivatives by its gains, and by the delay of its drive", "[effects]") {
   const SimulationStep step{0.30, 0.36};
   const double time = 0.34, delay = 0.03;
-  const std::vector<double> servo{10.0, 0.5, delay, 1e3, 0.0, 1e3};
+  const std::vector<double> servo{10.0, 0.5, delay, 1e3, 0.0, 1e3, 0.0};
   const auto both = [&](double late, double damping, double share) {
     std::vector<double> p = servo;
     p[2] = late;

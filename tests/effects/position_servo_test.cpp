@@ -135,7 +135,7 @@ TEST_CASE("CommandPath: a setpoint that moves no faster than its speed", "[effec
 
 TEST_CASE("position_servo: dead band, reach, gain, and a drive that is off", "[effects]") {
   const CommandPath path = commands({0.0, 1.0}, {1.0, 1.0}), twice = commands({0.0, 1.0}, {1.0, 1.0}, 2.0);
-  const std::vector<double> p{10.0, 0.5, 0.0, 0.3, 0.1, 1e3};
+  const std::vector<double> p{10.0, 0.5, 0.0, 0.3, 0.1, 1e3, 0.0};
   CHECK_THAT(added(path, 0.5, 0.8, 0.0, p), WithinAbs(-10.0 * (0.2 - 0.1), 1e-12));
   CHECK_THAT(added(path, 0.5, 0.95, 0.4, p), WithinAbs(0.5 * 0.4, 1e-12));  // within the dead band
   CHECK_THAT(added(path, 0.5, -1.0, 0.0, p), WithinAbs(-10.0 * 0.3, 1e-12));
@@ -144,12 +144,22 @@ TEST_CASE("position_servo: dead band, reach, gain, and a drive that is off", "[e
   CHECK(added(commands({0.0, 1.0}, {kOff, kOff}), 0.5, 0.0, 1.0, p) == 0.0);
 }
 
+TEST_CASE("position_servo: braking within the reach ends there, the motor's goes on", "[effects]") {
+  const CommandPath path = commands({0.0, 1.0}, {1.0, 1.0});
+  const std::vector<double> p{10.0, 0.8, 0.0, 0.3, 0.0, 1e3, 0.05};  // 0.5 of 0.8 N·m·s/rad within
+  CHECK_THAT(added(path, 0.5, 0.9, 0.4, p), WithinAbs(-10.0 * 0.1 + 0.8 * 0.4, 1e-12));
+  CHECK_THAT(added(path, 0.5, 0.0, 2.0, p), WithinAbs(-10.0 * 0.3 + 0.3 * 2.0, 1e-12));
+  // At −5 rad/s it would ask for more than it can give, and at 20 rad/s brakes with all it has.
+  CHECK_THAT(added(path, 0.5, 0.9, -5.0, p), WithinAbs(-10.0 * 0.3 - 0.3 * 5.0, 1e-12));
+  CHECK_THAT(added(path, 0.5, 0.9, 20.0, p), WithinAbs(10.0 * 0.3 + 0.3 * 20.0, 1e-12));
+}
+
 TEST_CASE("position_servo: over a step, a jump between two commands that saturate it",
           "[effects]") {
   const CommandPath jump = commands({0.0, 1.0}, {-5.0, 5.0});
   const double reach = 0.2, delay = 0.015;  // s: the jump is in the middle of the step
   const auto at = [&](double later) {
-    return added(jump, 1.005, 0.0, 0.0, {10.0, 0.0, delay + later, reach, 0.0, 1e6});
+    return added(jump, 1.005, 0.0, 0.0, {10.0, 0.0, delay + later, reach, 0.0, 1e6, 0.0});
   };
   // From 0.975 to 1.045 s: −2 N·m before 1.015 s, then +2. Its mean at Gauss's points:
   const double h = 0.07, before = 0.04, mean = 2.0 * (h - 2.0 * before) / h;
@@ -163,7 +173,7 @@ TEST_CASE("position_servo: over a step, a jump between two commands that saturat
     x.command = &jump;
     x.step = {0.975, 1.045};
     const int joint = 0;
-    const std::vector<double> p{10.0, 0.0, delay, reach, 0.0, 1e6};
+    const std::vector<double> p{10.0, 0.0, delay, reach, 0.0, 1e6, 0.0};
     PositionServo{}.add_torque(x, &joint, p.data(), &tau);
     line -= 0.5 * tau;
   }
@@ -179,7 +189,7 @@ TEST_CASE("position_servo: derivatives by its delay, its speed and its bounds", 
     return added(path, 0.33, 0.2, 0.3, p);
   };
   for (const double reach : {0.25, 5.0}) {
-    const std::vector<double> p{10.0, 0.5, 0.02, reach, 0.05, 2.5};
+    const std::vector<double> p{10.0, 0.5, 0.02, reach, 0.05, 2.5, 0.03};
     CommandPath path = commands(time, ramp);
     path.limit_speed(0, p[5]);
     std::vector<JetD> jets(p.begin(), p.end());

@@ -26,13 +26,13 @@ CommandPath commands(const std::vector<double>& volts) {
 }
 
 /// Torque that a drive and its supply add to the right-hand side.
-/// @param p  six parameters of the servo, then share and nominal supply
+/// @param p  seven parameters of the servo, then share and nominal supply
 template <class T>
 T added(CommandPath path, const std::vector<T>& p, double time = 0.33) {
   std::vector<double> plain;
   for (const T& x : p) plain.push_back(value_part(x));
   PositionServo::lead(0, plain.data(), path);
-  SupplySag::lead(0, plain.data() + 6, path);
+  SupplySag::lead(0, plain.data() + 7, path);
   const T q(0.2), qd(0.3);
   JointSample<T> x;
   x.time = time;
@@ -43,7 +43,7 @@ T added(CommandPath path, const std::vector<T>& p, double time = 0.33) {
   const int joint = 0;
   T tau(0.0);
   PositionServo{}.add_torque(x, &joint, p.data(), &tau);
-  SupplySag{}.add_torque(x, &joint, p.data() + 6, &tau);
+  SupplySag{}.add_torque(x, &joint, p.data() + 7, &tau);
   return tau;
 }
 
@@ -62,10 +62,10 @@ TEST_CASE("CommandPath: a supply goes along straight lines, over gaps and ends",
 
 TEST_CASE("supply_sag: the pull is in proportion to the supply, the braking is not", "[effects]") {
   // 1 rad is told, 0.2 read: the bound of 0.25 holds. Over the step the command is one.
-  std::vector<double> p{10.0, 0.5, 0.0, 0.25, 0.0, 1e3, 1.0, 7.4};
+  std::vector<double> p{10.0, 0.5, 0.0, 0.25, 0.0, 1e3, 0.0, 1.0, 7.4};
   const double braking = 0.5 * 0.3, pull = 10.0 * 0.25, volts = 7.5 - 0.5 * 0.3;  // at 0.33 s
   CHECK_THAT(added(commands(kSagging), p), WithinAbs(braking - pull * volts / 7.4, 1e-12));
-  p[6] = 0.4;
+  p[7] = 0.4;
   CHECK_THAT(added(commands(kSagging), p),
              WithinAbs(braking - pull * (1.0 + 0.4 * (volts / 7.4 - 1.0)), 1e-12));
   CHECK_THAT(added(commands({}), p), WithinAbs(braking - pull, 1e-12));  // not logged
@@ -73,12 +73,12 @@ TEST_CASE("supply_sag: the pull is in proportion to the supply, the braking is n
 
 TEST_CASE("supply_sag: derivatives by the share and by all that the drive has", "[effects]") {
   for (const double reach : {0.25, 5.0}) {
-    const std::vector<double> p{10.0, 0.5, 0.02, reach, 0.05, 2.5, 0.7, 7.4};
+    const std::vector<double> p{10.0, 0.5, 0.02, reach, 0.05, 2.5, 0.03, 0.7, 7.4};
     std::vector<JetD> jets(p.begin(), p.end());
-    for (std::size_t k = 0; k < 7; ++k) jets[k].v[static_cast<long>(k)] = 1.0;
+    for (std::size_t k = 0; k < 8; ++k) jets[k].v[static_cast<long>(k)] = 1.0;
     const JetD tau = added(commands(kSagging), jets);
     CHECK_THAT(tau.a, WithinAbs(added(commands(kSagging), p), 1e-12));
-    for (std::size_t k = 0; k < 7; ++k) {
+    for (std::size_t k = 0; k < 8; ++k) {
       std::vector<double> more = p, less = p;
       more[k] += 1e-6;
       less[k] -= 1e-6;

@@ -30,6 +30,7 @@ struct Bench {
   /// Velocity and torque told beside positions, over time [s]; empty: none.
   std::function<double(double)> velocity, torque;
   double velocity_gain = 0.3;  // of the velocity
+  double derivative = 0.0;     // time of what of the damping is within the reach
 
   Model model() const { return test::servo_bench(mass, length, inertia); }
 
@@ -98,8 +99,9 @@ struct Bench {
         const double late_fed = std::exchange(fed_past[oldest], fed);
         oldest = (oldest + 1) % past.size();
         const double strength = supply ? supply(t + i * h) / 7.4 : 1.0;
-        const double drive = strength * stiffness * std::clamp(gain * (late - q), -reach, reach) -
-                             damping * v + late_fed;
+        const double asked = std::clamp(gain * (late - q) - derivative * v, -reach, reach);
+        const double drive =
+            strength * stiffness * asked - (damping - stiffness * derivative) * v + late_fed;
         v = after(v, drive, mass * 9.81 * length * std::sin(q), J, h);
         q += h * v;
         if (q > stop) q = stop, v = 0.0;
@@ -398,6 +400,22 @@ TEST_CASE("identify: a drive that saturates in most rows is named, its largest t
     CAPTURE(name, is, value(result, name));
     CHECK(std::abs(value(result, name) - is) < 0.05 * is);
   }
+}
+
+TEST_CASE("identify: damping within a drive's largest torque, and beyond it", "[identify]") {
+  Bench bench;
+  bench.speed = 1e4;
+  bench.reach = 0.15;
+  bench.derivative = GENERATE(0.0, 0.03);
+  const IdentifyResult result =
+      identify(bench.model(), {bench.record(0.8, 3.0, 1.0, 12.0, 0)}, {}, {});
+  for (const auto& [name, is] : {std::pair{"position_servo.stiffness", bench.stiffness},
+                                 {"position_servo.reach", bench.reach},
+                                 {"position_servo.damping", bench.damping}}) {
+    CAPTURE(bench.derivative, name, is, value(result, name));
+    CHECK(std::abs(value(result, name) - is) < 0.03 * is);
+  }
+  CHECK(std::abs(value(result, "derivative_time") - bench.derivative) < 0.1 * 0.03);
 }
 
 TEST_CASE("identify: the gain of a drive that saturates in nine rows of ten", "[identify]") {

@@ -25,7 +25,8 @@ constexpr double kMass = 0.5, kCom = 0.1, kInertia = 0.001, kRotor = 0.02, kGrav
 constexpr double kStiffness = 9.0, kDamping = 0.4, kReach = 0.2, kCommand = 0.9, kOffset = 0.3;
 
 /// A pendulum that swings about y, with a servo.
-Model bench(double reach) {
+/// @param derivative  time of what of the damping is within the reach [s]
+Model bench(double reach, double derivative = 0.0) {
   Model m;
   m.name = "bench";
   ModelLink link;
@@ -43,19 +44,21 @@ Model bench(double reach) {
                 {{"stiffness", kStiffness, "N*m/rad"},
                  {"damping", kDamping, "N*m*s/rad"},
                  {"delay", 0.02, "s"},
-                 {"reach", reach, "rad"}}},
+                 {"reach", reach, "rad"},
+                 {"derivative_time", derivative, "s"}}},
                {"torque_offset", "servo", {{"offset", kOffset, "N*m"}}}};
   return m;
 }
 
 /// Where the servo has led the pendulum half a second after a step of its command.
-double swung(double reach) {
+double swung(double reach, double derivative = 0.0) {
   constexpr double kStep = 1e-5;
   double q = 0.0, v = 0.0;
   for (int k = 0; k < 50'000; ++k) {
-    const double error = std::clamp(kCommand - q, -reach, reach);
-    const double tau =
-        kStiffness * error - kOffset - (kDamping + 0.1) * v - kMass * kGravity * kCom * std::sin(q);
+    const double error = std::clamp(kCommand - q - derivative * v, -reach, reach);
+    const double tau = kStiffness * error - kOffset -
+                       (kDamping - kStiffness * derivative + 0.1) * v -
+                       kMass * kGravity * kCom * std::sin(q);
     v += kStep * tau / (kInertia + kMass * kCom * kCom + kRotor);
     q += kStep * v;
   }
@@ -89,15 +92,15 @@ std::string document(const std::string& actuator) {
 }  // namespace
 
 TEST_CASE("servo: MuJoCo's actuator moves as the law says", "[io][mujoco]") {
-  const double reach = GENERATE(kReach, 1e3);
-  CAPTURE(reach);
+  const double reach = GENERATE(kReach, 1e3), derivative = GENERATE(0.0, 0.03);
+  CAPTURE(reach, derivative);
   const TemporaryFolder folder;
   const std::vector<std::string> lost =
-      write_model(bench(reach), folder.path() / "bench.xml");
+      write_model(bench(reach, derivative), folder.path() / "bench.xml");
   CHECK(std::ranges::find(lost, "delay of the position servo at servo = 0.02") != lost.end());
   CHECK(lost.size() == 1);
   // Euler's steps of 0.1 ms are off by about their length times the rate of 10 rad/s.
-  CHECK(simulated(folder.path() / "bench.xml") == Approx(swung(reach)).epsilon(2e-3));
+  CHECK(simulated(folder.path() / "bench.xml") == Approx(swung(reach, derivative)).epsilon(2e-3));
   const Model again = read_model(folder.path() / "bench.xml");
   REQUIRE(again.links[0].servo);
   CHECK(again.links[0].servo->kp == kStiffness);

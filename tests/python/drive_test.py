@@ -34,6 +34,9 @@ def test_law_of_the_servo(tmp_path: Path) -> None:
     assert_allclose(drive(0.1, [0.05], [0.0], [0.0]), [0.0])
     assert_allclose(drive(0.2, [-9.0], [0.0], [0.0]), [-4.0 * 0.5])
     assert_allclose(drive(0.3, [NAN], [0.0], [1.0]), [0.0])
+    within = diffnea.Drive(swing(tmp_path, derivative_time=0.05, reach=0.5))
+    assert_allclose(within(0.0, [0.3], [0.0], [0.2]), [4.0 * 0.3 - 0.3 * 0.2])
+    assert_allclose(within(0.1, [9.0], [0.0], [0.2]), [4.0 * 0.5 - 0.1 * 0.2])
     without = diffnea.Drive(swing(tmp_path), damping=False, gain=2.0)
     assert_allclose(without(0.0, [0.3], [0.1], [7.0]), [4.0 * 2.0 * 0.2])
 

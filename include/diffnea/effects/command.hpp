@@ -285,7 +285,7 @@ class CommandPath {
     double q = 0.0, by_speed = 0.0;
     long row = 0;  ///< in which it was told
   };
-  static constexpr std::size_t kServo = 6;  ///< parameters of position_servo
+  static constexpr std::size_t kServo = 7;  ///< parameters of position_servo
   /// Law of a joint's drive.
   struct Law {
     std::array<double, kServo> servo{};

@@ -49,11 +49,11 @@ struct IntegralAction {
       const double sum = value_part(x.qd[x.command->integrator(j)]);
       T integral(x.command->integral_rate(j) * sum);
       integral.v[0] = sum;
-      std::array<T, 6> servo;
+      std::array<T, 7> servo;
       for (std::size_t k = 0; k < servo.size(); ++k) servo[k] = T(x.command->servo(j)[k]);
-      const T pull = PositionServo::pull(*x.command, j, x.time, x.step,
-                                         T(value_part(x.q[x.encoder < 0 ? j : x.encoder])),
-                                         integral, servo.data());
+      const T pull = PositionServo::pull(
+          *x.command, j, x.time, x.step, T(value_part(x.q[x.encoder < 0 ? j : x.encoder])),
+          T(integral - servo[6] * T(value_part(x.qd[j]))), servo.data());
       tau[j] += (T(p[0].a) - p[0]) * T(x.command->strength(j, x.time) * pull.v[0]);
     }
   }

@@ -11,8 +11,9 @@ namespace diffnea {
 /// leads its setpoint c to what it is told at no more than its speed. Its controller acts on
 /// s (c(t − d) − q), s the gain that the run's sidecar has (`controller.JOINT.gain`, 1 where there
 /// is none); nothing within the dead band, and no more than at its reach, where the duty saturates.
-/// While it is on, the motor brakes in proportion to its speed (back-EMF, and what the firmware
-/// adds). Without delay, dead band and bounds it is MuJoCo's `position` actuator.
+/// While it is on, it brakes in proportion to its speed: the motor by its back-EMF, beyond that
+/// bound, and the firmware by a derivative time D (Åström, Hägglund 1995), within it. Without
+/// delay and dead band, and with B = K D, it is MuJoCo's `position` actuator.
 struct PositionServo {
   /// Reach of a drive that has none [rad] or [m].
   static constexpr double kNoReach = 1e3;
@@ -20,7 +21,9 @@ struct PositionServo {
   static const EffectInfo& info() {
     static const EffectInfo kInfo{
         .name = "position_servo",
-        .formula = "-(K clip(dead(s (c(t - d) - q), e0), reach) - B qd), |dc/dt| <= speed",
+        .formula =
+            "-(K clip(dead(s (c(t - d) - q), e0) - D qd, reach) - (B - K D) qd), "
+            "|dc/dt| <= speed",
         .summary = "drive that follows a commanded position by itself",
         .place = Place::kJoint,
         .parameters =
@@ -50,7 +53,13 @@ struct PositionServo {
               .unit_prismatic = "m/s",
               .sign = Sign::kPositive,
               .linear = false,
-              .initial = kJumps}},
+              .initial = kJumps},
+             {.name = "derivative_time",
+              .unit = "s",
+              .unit_prismatic = "s",
+              .sign = Sign::kNonNegative,
+              .linear = false,
+              .initial = 0.0}},
         .motor_side = true,
         .traits = {Trait::kOfDrive, Trait::kReadsCommand, Trait::kIfAsked},
         .shown_over = {ShownOver::kTime, ShownOver::kVelocity}};
@@ -75,27 +84,27 @@ struct PositionServo {
     return path.sums(joint) < 0 ? p[0] * path.gain(joint) : path.gain(path.sums(joint));
   }
 
-  /// Error beyond the dead band, and what an integrator adds to it.
+  /// Error beyond the dead band, and what is added to it.
   template <Scalar T>
-  static T asked(const T& error, const T& integral, const T* p) {
-    return error - select(error > p[4], p[4], select(error < -p[4], T(-p[4]), error)) + integral;
+  static T asked(const T& error, const T& more, const T* p) {
+    return error - select(error > p[4], p[4], select(error < -p[4], T(-p[4]), error)) + more;
   }
 
   /// Torque towards the command of a drive that is on, at its nominal supply and without braking.
-  /// @param read      position that it is fed back
-  /// @param integral  what its integrator adds to the error, 0 without one
+  /// @param read  position that it is fed back
+  /// @param more  what its integrator and its derivative time add to the error
   template <Scalar T>
   static T pull(const CommandPath& command, int joint, double time, const SimulationStep& step,
-                const T& read, const T& integral, const T* p) {
+                const T& read, const T& more, const T* p) {
     const T gain(command.gain(joint));
     return p[0] * command.made_of(joint, time, p[2], p[5], step, [&](const T& told, long) {
-      const T out = asked(T(gain * (told - read)), integral, p);
+      const T out = asked(T(gain * (told - read)), more, p);
       return select(out > p[3], p[3], select(out < -p[3], T(-p[3]), out));
     });
   }
 
-  /// Rate of its integrator: the error. While the drive saturates, none that would drive it on
-  /// (anti-windup by clamping; Åström, Hägglund 1995).
+  /// Rate of its integrator: the error. While error and integral saturate the drive, none that
+  /// would drive it on (anti-windup by clamping; Åström, Hägglund 1995).
   template <Scalar T>
   static T summed(const CommandPath& command, int joint, double time, const SimulationStep& step,
                   const T& read, const T& integral, const T* p) {
@@ -129,9 +138,9 @@ struct PositionServo {
       const T integral =
           integrator < 0 ? T(0.0) : T(T(x.command->integral_rate(j)) * x.qd[integrator]);
       if (sums < 0)
-        tau[j] += p[1] * x.qd[j] - by_delay_of_the_rest(x, j, p[2]) -
+        tau[j] += (p[1] - p[0] * p[6]) * x.qd[j] - by_delay_of_the_rest(x, j, p[2]) -
                   T(x.command->strength(j, x.time)) *
-                      pull(*x.command, j, x.time, x.step, read, integral, p);
+                      pull(*x.command, j, x.time, x.step, read, T(integral - p[6] * x.qd[j]), p);
       else  // its inertia is 1: this is its acceleration
         tau[*joint] -= summed(*x.command, j, x.time, x.step, read, integral, p);
     }

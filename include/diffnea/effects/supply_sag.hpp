@@ -51,9 +51,10 @@ struct SupplySag {
       const int integrator = x.command->integrator(j);
       const double integral =
           integrator < 0 ? 0.0 : x.command->integral_rate(j) * value_part(x.qd[integrator]);
+      const double* servo = x.command->servo(j);
       const double pull = PositionServo::pull(*x.command, j, x.time, x.step,
                                               value_part(x.q[x.encoder < 0 ? j : x.encoder]),
-                                              integral, x.command->servo(j));
+                                              integral - servo[6] * value_part(x.qd[j]), servo);
       tau[j] += (T(p[0].a) - p[0]) * T(x.command->sag(j, x.time) * pull);
     }
   }

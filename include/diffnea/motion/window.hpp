@@ -19,6 +19,8 @@ struct MotionStretch {
   RowMatX<double> q;         ///< (m, n) positions; NaN: not measured, or the sensor's old value
   RowMatX<double> u;         ///< (m, n) torque that acts from row k to k+1
   RowMatX<double> u_end;     ///< (m, n) torque at the end of that step (u if held)
+  /// Torques push at links, as loads do, not at drives: that differs where a gear is between them.
+  bool at_links = false;
   /// Commands of the run's drives, where these have loops of their own; else null.
   std::shared_ptr<const CommandPath> command;
 
