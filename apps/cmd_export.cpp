@@ -1,6 +1,8 @@
 #include <cstdio>
+#include <utility>
 
 #include <diffnea/io/model_file.hpp>
+#include <diffnea/model/graft.hpp>
 #include <diffnea/runs/export_result.hpp>
 
 #include "common.hpp"
@@ -15,14 +17,22 @@ struct ExportCommand {
   CommonOptions common;
   ModelReading reading;
   ModelWriting writing;
-  std::string model, out;
+  std::string model, into, out;
 };
 
 void run_export(const ExportCommand& c) {
   check_output(c.out, {c.model});
-  const Model model = read_model_or_run(c.model, c.reading);
+  Model model = read_model_or_run(c.model, c.reading);
   check_output(c.out, {model.source});
-  const std::vector<std::string> left_out = write_model(model, c.out, c.reading, c.writing);
+  std::vector<std::string> left_out;
+  if (!c.into.empty()) {
+    check_output(c.out, {c.into});
+    Model whole = read_model(c.into, c.reading);
+    left_out = graft(whole, model);
+    model = std::move(whole);
+  }
+  for (const std::string& what : write_model(model, c.out, c.reading, c.writing))
+    left_out.push_back(what);
   if (c.common.json) {
     std::fputs(export_result_json(c.model, c.out, left_out).c_str(), stdout);
     return;
@@ -51,6 +61,12 @@ void add_export(CLI::App& app) {
       ->transform(robot_file);
   command->add_option("-o,--output", c->out, "file to write: .urdf, .xml (MJCF) or .json")
       ->required();
+  command
+      ->add_option("--into", c->into,
+                   "description of the whole robot, where the model is a part of it whose other "
+                   "joints were locked: of what moves there, by name, it takes the values, and is "
+                   "what is written")
+      ->transform(robot_file);
   command
       ->add_option("--mujoco", c->writing.mujoco,
                    "oldest MuJoCo that has to load an MJCF: 2.2, or 3.5, whose actuators have a "

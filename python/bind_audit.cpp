@@ -45,8 +45,8 @@ AuditRun audit_paths(const std::vector<std::filesystem::path>& files, const Mode
 AuditRun audit_arrays(std::vector<Recording> recordings, const Model* model, double significance) {
   const std::optional<Model> served =
       model != nullptr ? std::optional(serve_joints(*model, recordings, {}).model) : std::nullopt;
-  const AuditLimits limits = limits_of(served, significance);
-  if (model != nullptr) match_joints(limits.joints, recordings);
+  AuditLimits limits = limits_of(served, significance);
+  if (model != nullptr) match_logged_joints(limits, recordings);
   std::vector<std::string> data;
   for (const Recording& r : recordings) data.push_back(r.source);
   return {audit(recordings, limits), std::move(data), name_of(model)};

@@ -11,6 +11,7 @@
 #include <diffnea/io/effects_list.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/model_info.hpp>
+#include <diffnea/model/graft.hpp>
 #include <diffnea/model/model.hpp>
 #include <diffnea/worlds/world.hpp>
 
@@ -309,6 +310,16 @@ void bind_model(py::module_& m) {
           "A copy with other inertias, (10 links,) in the order of ``inertial_parameters``.")
       .def("with_effects", &with_effects, "effects"_a,
            "A copy with these effects in place of its own; names, places and signs are checked.")
+      .def(
+          "with_part",
+          [](Model whole, const Model& part) {
+            graft(whole, part);
+            return whole;
+          },
+          "part"_a,
+          "A copy with what ``part`` has of the links and joints that move there, by name: a model "
+          "that a fit left whose other joints were locked. What moves here beside them keeps its "
+          "inertia.")
       .def("issues", &model_issues, "What looks wrong, as a list of :class:`Issue`.")
       .def("info", &model_info_text, "The tree with masses, limits, effects and issues, as text.")
       .def(

@@ -12,6 +12,7 @@
 
 #include "core/edit_distance.hpp"
 #include "core/statistics.hpp"
+#include "identify/loop_positions.hpp"
 
 namespace diffnea {
 namespace {
@@ -199,7 +200,9 @@ ServedModel serve_joints(
   Names of_model;  // a fixed joint's column is no stranger's: it may have been locked before
   for (const ModelLink& link : model.links)
     if (!link.joint.empty()) of_model.push_back(link.joint);
-  const Names missing = logged.empty() ? Names{} : without(without(moving, logged), locked);
+  const Names missing =
+      logged.empty() ? Names{}
+                     : without(without(without(moving, logged), locked), joints_of_loops(model));
   const Names strangers = without(logged, of_model);
   require_clear(model, logged, missing, strangers);
 

@@ -77,6 +77,18 @@ double torque_scale_of(const std::vector<JointFactor>& factors, const VecX<doubl
   return product > 0.0 ? product / square : 1.0;
 }
 
+/// Noise of a joint's rows, at the least [N·m or N]: what is left where all parameters serve this
+/// joint alone. From there on weights only fall as far as the other joints ask. From the size of
+/// its torque, rows that are noise on both sides (a drone's lateral force) would outweigh its
+/// weight at first, and pull the mass to zero for good.
+double least_noise(const FitLayout& layout, const JointFactor& f, const VecX<double>& x) {
+  const double size = torque_size(layout, f, x);
+  const long spare = f.factor.rows() - static_cast<long>(f.columns.size());
+  if (f.inertia.size() > 0 || spare <= 0) return std::max(size, 1e-12);
+  const double left = f.factor.residual_sum_of_squares() / static_cast<double>(spare);
+  return std::max(std::sqrt(left), 1e-9 * size + 1e-15);
+}
+
 }  // namespace
 
 LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& factors,
@@ -123,8 +135,7 @@ LinearFit fit_linear(const FitLayout& layout, const std::vector<JointFactor>& fa
   LinearFit fit;
   fit.sigma = VecX<double>::Ones(n);
   for (long j = 0; j < n; ++j)
-    if (factors[j].factor.rows() > 0)
-      fit.sigma[j] = std::max(torque_size(layout, factors[j], problem.start), 1e-12);
+    if (factors[j].factor.rows() > 0) fit.sigma[j] = least_noise(layout, factors[j], problem.start);
   const bool has_torque = std::ranges::any_of(
       factors, [&](const JointFactor& f) { return f.rmse(VecX<double>::Zero(p)) > 0.0; });
   VecX<double> at = torque_scale_of(factors, fit.sigma, problem.start) * problem.start;

@@ -8,6 +8,7 @@
 #include <diffnea/recording/position_warnings.hpp>
 
 #include "identify/fingerprint.hpp"
+#include "identify/loop_positions.hpp"
 #include "recording/floating_base.hpp"
 #include "recording/unwrapper.hpp"
 
@@ -35,17 +36,23 @@ std::string floating_link(const Model& model) {
 }
 
 /// The model's word that a joint is passive counts as much as the sidecar's.
-void add_passive(const std::vector<JointDescription>& joints, RecordingInfo& info) {
+/// @param unlogged  joints that may have no column: match_joints() says that they are passive
+void add_passive(const std::vector<JointDescription>& joints,
+                 const std::vector<std::string>& unlogged, RecordingInfo& info) {
+  const auto has = [](const std::vector<std::string>& names, const std::string& name) {
+    return std::ranges::find(names, name) != names.end();
+  };
   for (const JointDescription& j : joints)
-    if (j.passive && std::ranges::find(info.passive, j.name) == info.passive.end())
+    if (j.passive && !has(unlogged, j.name) && !has(info.passive, j.name))
       info.passive.push_back(j.name);
 }
 
 /// Knowledge of a file: the caller's word, and the model's joints.
 ReadOptions options_of(const std::vector<ReadOptions>& options, std::size_t file,
-                       const std::vector<JointDescription>& joints) {
+                       const std::vector<JointDescription>& joints,
+                       const std::vector<std::string>& unlogged) {
   ReadOptions out = options.empty() ? ReadOptions{} : options[options.size() == 1 ? 0 : file];
-  add_passive(joints, out.info);
+  add_passive(joints, unlogged, out.info);
   out.joints = joints;
   return out;
 }
@@ -56,6 +63,9 @@ class InMemory : public RecordingSource {
       : recordings_(std::move(recordings)), report_(std::move(report)) {
     const std::vector<JointDescription> joints = describe_joints(model);
     std::vector<ChannelWarning> deviations;
+    LoopPositions loops(model);
+    for (Recording& r : recordings_) loops.complete(r);
+    if (!loops.note().empty()) report_.notes.push_back(loops.note());
     match_joints(joints, recordings_, &deviations);
     std::string left_out;
     detail::match_base(floating_link(model), recordings_, &left_out);
@@ -105,9 +115,12 @@ class InFiles : public RecordingSource {
  public:
   InFiles(const Model& model, std::vector<std::filesystem::path> paths,
           std::vector<ReadOptions> options)
-      : joints_(describe_joints(model)), floats_(floating_link(model)), paths_(std::move(paths)) {
+      : model_(model),
+        joints_(describe_joints(model)),
+        floats_(floating_link(model)),
+        paths_(std::move(paths)) {
     for (std::size_t f = 0; f < paths_.size(); ++f)
-      options_.push_back(options_of(options, f, joints_));
+      options_.push_back(options_of(options, f, joints_, joints_of_loops(model)));
     std::vector<ChannelWarning> deviations;
     measured_ = first_rows(deviations);
     sample_ = measured_;
@@ -123,6 +136,7 @@ class InFiles : public RecordingSource {
     std::vector<Fingerprint> prints;
     const bool first = runs_.empty();
     Unwrapper unwrapper(joints_, measured_);
+    LoopPositions loops(model_);
     std::string left_out;
     for (std::size_t f = 0; f < paths_.size(); ++f) {
       RecordingReader reader(paths_[f], options_[f]);
@@ -132,6 +146,7 @@ class InFiles : public RecordingSource {
         if (run_in_file != block[0].run || previous != paths_[f]) ++run;
         run_in_file = block[0].run;
         previous = paths_[f];
+        loops.complete(block[0]);
         match_joints(joints_, block);
         detail::match_base(floats_, block, &left_out);
         block[0].run = run;
@@ -151,6 +166,7 @@ class InFiles : public RecordingSource {
       described[k].rows = prints[k].rows();
     }
     report_ = std::move(report);
+    if (!loops.note().empty()) report_.notes.push_back(loops.note());
     if (!left_out.empty()) report_.notes.push_back(left_out);
     if (const std::string note = unwrapper.note(); !note.empty()) report_.notes.push_back(note);
     runs_ = std::move(described);
@@ -179,6 +195,7 @@ class InFiles : public RecordingSource {
     RecordingReader reader(paths_.front(), options_[0]);
     std::vector<Recording> block(1);
     if (!reader.next(block[0], kSampleRows)) throw DataError(paths_.front().string() + ": no rows");
+    LoopPositions(model_).complete(block[0]);
     match_joints(joints_, block, &deviations);
     detail::match_base(floats_, block);
     block[0].run = 0;
@@ -186,6 +203,7 @@ class InFiles : public RecordingSource {
     return out;
   }
 
+  Model model_;
   std::vector<JointDescription> joints_;
   std::string floats_;  ///< link that the model floats on; empty: none
   std::vector<std::filesystem::path> paths_;
@@ -237,7 +255,8 @@ std::unique_ptr<RecordingSource> recordings_in_files(
   ReadReport report;
   for (std::size_t f = 0; f < paths.size(); ++f) {
     ReadReport one;
-    for (Recording& r : read_recordings(paths[f], options_of(options, f, joints), &one))
+    for (Recording& r :
+         read_recordings(paths[f], options_of(options, f, joints, joints_of_loops(model)), &one))
       all.push_back(std::move(r));
     report.add(one);
   }

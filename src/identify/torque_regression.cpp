@@ -136,7 +136,7 @@ void TorqueRegression::fill_row(const Preprocessed& block, const RowsOfState& st
   const int n = layout_.num_dofs, base = layout_.base_rows;
   const VecX<double> q = states.q.row(row).transpose();
   VecX<double> v = states.v.row(row).transpose(), vd = states.vd.row(row).transpose();
-  if (constraints_ && base > 0) constraints_->project(q, v, vd);
+  if (constraints_) constraints_->project(q, v, vd);
   const RowMatX<double>& Y = torque_regressor<double, double>(tree_, q, v, vd, ws_);
   const long links = Y.cols();  // inertial parameters come first in a layout
   full_.topLeftCorner(n, links) = Y.bottomRows(n);
@@ -146,8 +146,8 @@ void TorqueRegression::fill_row(const Preprocessed& block, const RowsOfState& st
   x.time = block.time[row] - run_start_;
   x.run = block.run + options_.first_run;
   x.q = block.q.row(row).data();
-  x.qd = block.qd.row(row).data();
-  x.qdd = block.qdd.row(row).data();
+  x.qd = v.data() + base;
+  x.qdd = vd.data() + base;
   x.tau = links_.data();
   for (std::size_t e = 0; e < effects_.size(); ++e) {  // payloads first: the links transmit them
     const BoundEffect& effect = effects_[e];

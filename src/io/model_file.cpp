@@ -4,6 +4,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/io/asset_paths.hpp>
 #include <diffnea/io/model_file.hpp>
 
 #include "io/mjcf.hpp"
@@ -68,11 +69,13 @@ std::string why_unreadable(const std::filesystem::path& document, const ModelRea
 }
 
 /// Permissions that a model's document must have been read with: a base that floats there is fixed
-/// or free as the model's is; constraints that the model has not were left out.
+/// or free as the model's is; constraints and couplings that the model has not were left out.
 ModelReading reading_of(ModelReading reading, const Model& model) {
   reading.fix_base = !model.free_base;
   reading.free_base = model.free_base;
-  reading.open_loops = model.constraints.empty();
+  reading.open_loops =
+      model.constraints.empty() &&
+      std::ranges::none_of(model.links, [](const ModelLink& link) { return !!link.follows; });
   return reading;
 }
 
@@ -116,11 +119,13 @@ std::string text_in_form(const Model& model, Format form, const std::string& whe
       lost = ", which cannot be read (" + why + ")";
   if (original && original->format == form && lost.empty()) {
     const std::filesystem::path folder = std::filesystem::path(model.source).parent_path();
-    return form == Format::kUrdf
-               ? io::urdf_with_values(original->text, model.source, model, notes)
-               : io::mjcf_with_values(io::expand_mjcf(original->text, folder, model.source,
-                                                      reading_of(reading, model)),
-                                      model, delays, notes);
+    const std::string text =
+        form == Format::kUrdf
+            ? io::urdf_with_values(original->text, model.source, model, notes)
+            : io::mjcf_with_values(
+                  io::expand_mjcf(original->text, folder, model.source, reading_of(reading, model)),
+                  model, delays, notes);
+    return with_moved_paths(text, model.source, folder, std::filesystem::path(where).parent_path());
   }
   io::validate(model, where);
   require_masses(model, where);

@@ -165,10 +165,7 @@ std::string constraints_text(const Model& model) {
   out += "  they leave " + std::to_string(report.left) + " of " +
          std::to_string(report.coordinates) + (report.coordinates == 1 ? " degree" : " degrees") +
          " of freedom\n";
-  if (!report.closes)
-    out += "  no posture near the reference closes them: " + detail::number_text(report.remains) +
-           " m or rad remain\n";
-  else if (report.farthest > 1e-6)
+  if (report.closes && report.farthest > 1e-6)
     out += "  they close where joints move by at most " + detail::number_text(report.farthest) +
            " rad or m\n";
   return out;
@@ -233,6 +230,12 @@ std::vector<ModelIssue> model_issues(const Model& model) {
   try {
     issues = check_model(model);
     for (ModelIssue& doubt : io::doubtful_inertias(model)) issues.push_back(std::move(doubt));
+    if (!model.constraints.empty())
+      if (const io::LoopReport loops = io::report_loops(model); !loops.closes)
+        issues.push_back({model.name, "no posture near the reference closes its constraints: " +
+                                          detail::number_text(loops.remains) +
+                                          " m or rad remain; check their points, or put a `home` "
+                                          "near a posture that closes them"});
   } catch (const ModelError& error) {
     issues.push_back({model.name, error.what()});
   }

@@ -20,6 +20,10 @@ using detail::number_text;
 /// Density of osmium, the densest metal [kg/m³].
 constexpr double kDensest = 22'600.0;
 
+/// Radius of gyration / size of the robot that is no body's. The least error of a unit, grams of
+/// mass, makes it √1000 as long: half way there, by its logarithm. A hull may be wider than joints.
+constexpr double kBeyondRobot = 5.6;
+
 /// Postures that a joint's load is looked at in: the share of them beyond a limit is known to
 /// ±0.06.
 constexpr int kPostures = 64;
@@ -83,7 +87,7 @@ void doubt_body(const ModelLink& link, double size, std::vector<ModelIssue>& out
   J << I.xx, I.xy, I.xz, I.xy, I.yy, I.yz, I.xz, I.yz, I.zz;
   const double largest = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(J).eigenvalues()[2],
                gyration = std::sqrt(largest / m);
-  if (size > 0.0 && gyration > size) {
+  if (size > 0.0 && gyration > kBeyondRobot * size) {
     out.push_back({link.name, "radius of gyration is " + number_text(gyration) + " m" +
                                   at_joint(link) + ", the whole robot's joints lie within " +
                                   number_text(size) +

@@ -3,6 +3,7 @@
 
 #include <diffnea/core/error.hpp>
 #include <diffnea/core/text_file.hpp>
+#include <diffnea/io/asset_paths.hpp>
 #include <diffnea/io/model_file.hpp>
 #include <diffnea/io/trajectory_file.hpp>
 #include <diffnea/report/diagnose_page.hpp>
@@ -18,16 +19,20 @@ namespace {
 namespace fs = std::filesystem;
 
 /// model.json, and the form that the model came in. @param notes  gains what that form cannot hold
-void write_models(const Model& model, const fs::path& folder, std::vector<std::string>& notes) {
-  write_model(model, folder / "model.json");
+void write_models(const Model& model, const ResultFolder& folder, std::vector<std::string>& notes) {
+  const fs::path& staging = folder.staging();
+  write_model(model, staging / "model.json");
   std::string name = "the model in the form that it came in";
   try {
     const std::string extension = document_extension(model);
     if (extension.empty()) return;
     name = "model" + extension;
     std::string left_out;
-    for (const std::string& what : write_model(model, folder / name))
+    const fs::path document = staging / name;
+    for (const std::string& what : write_model(model, document))
       left_out += (left_out.empty() ? "" : ", ") + what;
+    write_file_atomically(document,
+                          with_moved_paths(read_text_file(document), name, staging, folder.path()));
     if (!left_out.empty())
       notes.push_back(name + " cannot hold: " + left_out + "; model.json does");
   } catch (const ModelError& error) {  // the file changed since it was read; the fit is not lost
@@ -114,7 +119,7 @@ void check_run_folder(const fs::path& folder, const std::string& command) {
 
 void publish_fit_run(FitRun& run, ResultFolder& folder) {
   const fs::path& staging = folder.staging();
-  write_models(run.fit.model, staging, run.fit.notes);
+  write_models(run.fit.model, folder, run.fit.notes);
   write_file_atomically(staging / "series.json", series_json(run.fit));
   write_file_atomically(staging / "result.json", identify_result_json(run));
   // From what was written, so that `diffnea report` gives the same page.
@@ -124,7 +129,7 @@ void publish_fit_run(FitRun& run, ResultFolder& folder) {
 
 void publish_diagnose_run(DiagnoseRun& run, ResultFolder& folder) {
   const fs::path& staging = folder.staging();
-  write_models(run.finding.model, staging, run.finding.notes);
+  write_models(run.finding.model, folder, run.finding.notes);
   if (run.finding.next_experiment && run.finding.next_experiment->motion.rows() > 0)
     write_trajectory(run.finding.next_experiment->motion, staging / kNextExperimentFile);
   write_file_atomically(staging / "series.json", diagnose_series_json(run.finding));

@@ -1,4 +1,5 @@
 #include <diffnea/core/error.hpp>
+#include <diffnea/identify/audit_limits.hpp>
 #include <diffnea/io/sidecar.hpp>
 #include <diffnea/runs/audit_result.hpp>
 
@@ -6,7 +7,7 @@
 #include "runs/fields_json.hpp"
 
 namespace diffnea {
-AuditReport audit_files(const std::vector<std::filesystem::path>& files, const AuditLimits& limits,
+AuditReport audit_files(const std::vector<std::filesystem::path>& files, AuditLimits limits,
                         const std::vector<ReadOptions>& given) {
   if (files.empty()) throw DataError("audit: got no file, expected one or more");
   std::vector<Recording> recordings;
@@ -25,7 +26,7 @@ AuditReport audit_files(const std::vector<std::filesystem::path>& files, const A
                     std::to_string(reading.quarantined_rows.front().line) + ": " +
                     reading.quarantined_rows.front().reason);
   if (!limits.joints.empty() && recordings.front().num_joints() > 0)
-    match_joints(limits.joints, recordings);
+    match_logged_joints(limits, recordings);
   AuditReport report = audit(recordings, limits);
   add_reading(reading, report);
   return report;

@@ -53,6 +53,11 @@ TEST_CASE("sanity: an arm as arms are is not doubted", "[io]") {
   CHECK(doubts(arm(kUpper, inertial(0.4, "0.0008", "0.0001"))).empty());
 }
 
+TEST_CASE("sanity: a hull that is wider than its joints is not doubted", "[io]") {
+  const std::string hull = inertial(8.0, "1.3", "1.3");  // gyration 0.40 m, joints within 0.38 m
+  CHECK(doubts(arm(kUpper, hull)).find("gyration") == std::string::npos);
+}
+
 TEST_CASE("sanity: wrong units and placeholders are doubted by joint, number and remedy", "[io]") {
   struct Case {
     std::string fore;

@@ -85,6 +85,43 @@ def test_an_mjcf_with_a_locked_joint_is_drawn_anew(tmp_path: Path) -> None:
         assert info["joints"] == ["joint1", "joint2", "joint3"]
 
 
+def test_a_part_s_values_go_into_the_whole_robot(tmp_path: Path) -> None:
+    """The document keeps its joints, comments and what the part did not move."""
+    data = tmp_path / "data.csv"
+    motion = tmp_path / "motion.csv"
+    words = ("--lock", "joint4=0.5")
+    done("excite", "wam4", "-o", motion, "--seed", 1, "--quiet")
+    done("simulate", "wam4", "--trajectory", motion, *words, "-o", data, "--quiet")
+    done("identify", "wam4", data, *words, "-o", tmp_path / "run", "--quiet")
+    whole = tmp_path / "whole.xml"
+    answer = diffnea("export", tmp_path / "run", "--into", "wam4", "-o", whole)
+    assert "torque_offset at joint1" in answer.stderr
+    part, first, now = (
+        module.load_model(x) for x in (tmp_path / "run" / "model.json", "wam4", whole)
+    )
+    assert now.joint_names == first.joint_names
+    assert "<!--" in whole.read_text()
+    # The link beyond the lock is as it was, and the whole with the joint held is the part.
+    links = [{x["name"]: x for x in m.to_dict()["links"]} for m in (part, first, now)]
+    last = links[1]["forearm"]["inertia"]
+    assert "inertia" not in links[0]["forearm"]  # part of the upper arm's
+    np.testing.assert_allclose(
+        links[2]["forearm"]["inertia"]["about_origin"], last["about_origin"], rtol=0, atol=1e-12
+    )
+    rng = np.random.default_rng(0)
+    q, qd, qdd = rng.normal(size=(3, 20, 4)) * [1, 1, 1, 0] + [[[0, 0, 0, 0.5]]] * np.array(
+        [[[1]], [[0]], [[0]]]
+    )
+    tau = module.rnea(now, q=q, qd=qd, qdd=qdd)[:, :3]
+    of_part = module.rnea(part, q=q[:, :3], qd=qd[:, :3], qdd=qdd[:, :3])
+    np.testing.assert_allclose(tau, of_part, rtol=0, atol=1e-9)
+    same = first.with_part(part).inertial_parameters
+    np.testing.assert_allclose(now.inertial_parameters, same, rtol=0, atol=1e-9)
+    answer = diffnea("export", tmp_path / "run", "--into", "panda", "-o", tmp_path / "no.urdf")
+    assert answer.returncode == BAD_INPUT
+    assert "has no link" in answer.stderr
+
+
 def test_columns_of_other_joints_are_left_out(tmp_path: Path, log: Path) -> None:
     data = table(log)
     data |= {"q_wheel": data["time"], "tau_wheel": 0 * data["time"]}

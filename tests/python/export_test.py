@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -129,3 +130,58 @@ def test_an_export_overwrites_no_input(tmp_path: Path) -> None:
     answer = command("export", MODELS / "panda.urdf", "-o", tmp_path / "arm.sdf")
     assert answer.returncode == BAD_INPUT
     assert "choices: .json, .urdf, .xml" in answer.stderr
+
+
+BODY = '<inertial pos="0 0 -.2" mass="1" diaginertia=".01 .01 .001"/>'
+
+
+def test_couplings_stay_in_their_document(tmp_path: Path) -> None:
+    """A gripper whose second finger follows by an equality is written in place."""
+    finger = f'<body name="{{0}}"><joint name="{{0}}" type="slide" axis="0 1 0"/>{BODY}</body>'
+    (tmp_path / "gripper.xml").write_text(
+        f"<mujoco><!-- mine --><worldbody>{finger.format('left')}{finger.format('right')}"
+        '</worldbody><equality><joint joint1="right" joint2="left" polycoef="0 -1 0 0 0"/>'
+        "</equality></mujoco>"
+    )
+    gripper = diffnea.load_model(tmp_path / "gripper.xml")
+    assert not gripper.save(tmp_path / "written.xml")
+    assert "<!-- mine -->" in (tmp_path / "written.xml").read_text()
+    assert diffnea.load_model(tmp_path / "written.xml").followers == gripper.followers
+
+
+def test_meshes_are_found_from_the_new_place(tmp_path: Path) -> None:
+    """MuJoCo looks beside the document that it reads, as loaders of a URDF do."""
+    old, new = tmp_path / "robot", tmp_path / "runs" / "1"
+    (old / "assets").mkdir(parents=True)
+    new.mkdir(parents=True)
+    mesh = old / "assets" / "part.stl"
+    mesh.write_bytes(bytes(84))
+    limb = f'<body name="a"><joint name="j"/>{BODY}<geom type="mesh" mesh="part"/></body>'
+    for compiler in ('<compiler meshdir="assets"/>', '<compiler assetdir="assets"/>', ""):
+        file = "part.stl" if compiler else "assets/part.stl"
+        (old / "r.xml").write_text(
+            f'<mujoco>{compiler}<asset><mesh name="part" file="{file}"/></asset>'
+            f"<worldbody>{limb}</worldbody></mujoco>"
+        )
+        diffnea.load_model(old / "r.xml").save(new / "r.xml")
+        root = ElementTree.parse(new / "r.xml").getroot()
+        folders = [c.get("meshdir") or c.get("assetdir") for c in root.iter("compiler")]
+        assert (new / str(folders[-1]) / file).resolve() == mesh.resolve()
+        diffnea.load_model(new / "r.xml").save(old / "again.xml")  # there and back
+        assert "runs" not in (old / "again.xml").read_text()
+    tensor = '<inertia ixx="1" iyy="2" izz="2" ixy="0" ixz="0" iyz="0"/>'
+    inertial = f'<inertial><mass value="1"/>{tensor}</inertial>'
+    looks = "".join(
+        f'<visual><geometry><mesh filename="{f}"/></geometry></visual>'
+        for f in ("assets/part.stl", "package://robot/part.stl")
+    )
+    (old / "r.urdf").write_text(
+        f'<robot name="r"><link name="b"/><link name="a">{inertial}{looks}</link><joint name="j" '
+        'type="continuous"><parent link="b"/><child link="a"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    diffnea.load_model(old / "r.urdf").save(new / "r.urdf")
+    there, package = (
+        m.get("filename", "") for m in ElementTree.parse(new / "r.urdf").getroot().iter("mesh")
+    )
+    assert (new / there).resolve() == mesh.resolve()
+    assert package == "package://robot/part.stl"

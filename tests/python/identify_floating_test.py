@@ -199,6 +199,35 @@ def test_a_drone_has_its_inertia_from_its_thrust(tmp_path: Path) -> None:
     assert 0.90 <= inside / count <= 0.98
 
 
+def test_forces_that_are_zero_do_not_take_the_mass(tmp_path: Path) -> None:
+    """A drone that rises and yaws: four of its six rows are noise, of pose and wrench."""
+    hull = '<mass value="1"/><inertia ixx=".01" iyy=".01" izz=".02" ixy="0" ixz="0" iyz="0"/>'
+    path = tmp_path / "hull.urdf"
+    path.write_text(f'<robot name="d"><link name="hull"><inertial>{hull}</inertial></link></robot>')
+    mass, turn = 1.3, 0.021  # [kg], [kg·m²]
+    rng = np.random.default_rng(1)
+    t = np.arange(0, 10, 0.004)
+    w = 2 * np.pi * np.array([[0.3], [0.7], [1.1]])
+    wave, change = np.sin(w * t + w).sum(0), -(w**2 * np.sin(w * t + w)).sum(0)
+    base, wrench = np.zeros((len(t), 7)), np.zeros((len(t), 6))
+    base[:, 2], base[:, 5], base[:, 6] = 0.2 * wave, np.sin(0.2 * wave), np.cos(0.2 * wave)
+    wrench[:, 5], wrench[:, 2] = mass * (0.2 * change - GRAVITY[2]), turn * 0.4 * change
+    result = package.identify(
+        package.load_model(path, free_base=True),
+        package.Recording(
+            time=t,
+            base=base + 1e-3 * rng.normal(size=base.shape),
+            base_wrench=wrench + rng.normal(size=wrench.shape) * [*3 * [0.002], *3 * [0.02]],
+            torque_side="link",
+        ),
+        effects=[],
+    )
+    found = {p.name: p for p in result.parameters}
+    for name, value in (("hull.mass", mass), ("hull.Izz", turn)):
+        assert abs(found[name].value - value) <= 4 * found[name].std
+        assert found[name].std < 0.02 * value
+
+
 def test_a_measured_twist_serves_as_well(tmp_path: Path) -> None:
     """Its frame is checked by the audit: that of the world is a fault, its own is none."""
     x, rng = carried_body(DRONE, 3), np.random.default_rng(3)

@@ -14,8 +14,7 @@ namespace diffnea {
 /// @param options  of each file; none: what their sidecars say
 /// @throws FileError, DataError if a file cannot be read; DataError if its joints are not those of
 ///         limits.joints (where there are any)
-AuditReport audit_files(const std::vector<std::filesystem::path>& files,
-                        const AuditLimits& limits = {},
+AuditReport audit_files(const std::vector<std::filesystem::path>& files, AuditLimits limits = {},
                         const std::vector<ReadOptions>& options = {});
 
 /// An audit as `diffnea audit` prints it.
