@@ -191,7 +191,6 @@ std::optional<MotionSearch::OnBench> MotionSearch::begun_on_bench(
   constexpr int kFirst = 4;  // steps by which sizes compete
   constexpr int kMore = 20;  // steps of the best, away from where the base has bent to
   constexpr std::size_t kPieces = 8;
-  constexpr double kSmooth = 4.0;  // rows through which a simulated position is a polynomial
   const double first = horizons(data_.data.train, data_.data.noise, data_.options).front();
   const EffectSpec& any = offers.front().front();
   const std::vector<EffectSpec> terms = with_effect(at.terms, any);
@@ -201,8 +200,7 @@ std::optional<MotionSearch::OnBench> MotionSearch::begun_on_bench(
   if (!has_benches(with.model, layout)) return {};
   const int joint = effect.joints.front();
   if (!moves) moves = simulated(at);
-  const JointBench bench(with.model, data_.data, *moves, layout,
-                         kSmooth * data_.data.noise.period[joint], joint, BenchGears::kTaken);
+  const JointBench bench(with.model, data_.data, *moves, layout, joint, BenchGears::kTaken);
   const int there = index_of(bench.layout(), any);
   if (!bench.is_whole() || there < 0) return {};
   std::vector<MotionWindow> measured;

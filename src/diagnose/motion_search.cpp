@@ -289,23 +289,10 @@ double MotionSearch::delta_bic(const MotionSolution& a, const MotionSolution& b)
                           count_free(b.layout) - count_free(a.layout));
 }
 
-std::vector<MotionStretch> MotionSearch::simulated(const MotionSolution& at) const {
-  const VecX<double>& noise = data_.data.noise.position;
-  std::vector<MotionStretch> out = data_.data.train;
-  const std::vector<RowMatX<double>> off = errors(at, out, at.windows, false);
-  for (std::size_t k = 0; k < off.size(); ++k) {
-    const MotionWindow& w = at.windows[k];
-    RowMatX<double> e = off[k];
-    e.array().rowwise() *= noise.transpose().array();
-    out[w.stretch].q.middleRows(w.first, w.rows) += e;
-  }
-  return out;
-}
-
-std::vector<RowMatX<double>> MotionSearch::errors(const MotionSolution& at,
-                                                  const std::vector<MotionStretch>& stretches,
-                                                  std::vector<MotionWindow> windows,
-                                                  bool fit_states) const {
+std::vector<RowMatX<double>> MotionSearch::positions(const MotionSolution& at,
+                                                     const std::vector<MotionStretch>& stretches,
+                                                     std::vector<MotionWindow> windows,
+                                                     bool fit_states) const {
   MotionProblem of{at.model,
                    at.layout,
                    stretches,
@@ -316,11 +303,30 @@ std::vector<RowMatX<double>> MotionSearch::errors(const MotionSolution& at,
   if (fit_states) fitter.fit_states(windows, data_.options.tolerance);
   Workers workers = fitter.workers();
   std::vector<RowMatX<double>> out;
-  for (const MotionWindow& w : windows) {
-    const MotionStretch& s = stretches[w.stretch];
-    RowMatX<double> e = workers.front()->positions(s, w) - s.q.middleRows(w.first, w.rows);
-    e.array().rowwise() /= data_.data.noise.position.transpose().array();
-    out.push_back(std::move(e));
+  for (const MotionWindow& w : windows)
+    out.push_back(workers.front()->positions(stretches[w.stretch], w));
+  return out;
+}
+
+std::vector<MotionStretch> MotionSearch::simulated(const MotionSolution& at) const {
+  std::vector<MotionStretch> out = data_.data.train;
+  const std::vector<RowMatX<double>> q = positions(at, out, at.windows, false);
+  for (std::size_t k = 0; k < q.size(); ++k) {
+    const MotionWindow& w = at.windows[k];
+    out[w.stretch].q.middleRows(w.first, w.rows) = q[k];
+  }
+  return out;
+}
+
+std::vector<RowMatX<double>> MotionSearch::errors(const MotionSolution& at,
+                                                  const std::vector<MotionStretch>& stretches,
+                                                  const std::vector<MotionWindow>& windows,
+                                                  bool fit_states) const {
+  std::vector<RowMatX<double>> out = positions(at, stretches, windows, fit_states);
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const MotionWindow& w = windows[k];
+    out[k] -= stretches[w.stretch].q.middleRows(w.first, w.rows);
+    out[k].array().rowwise() /= data_.data.noise.position.transpose().array();
   }
   return out;
 }

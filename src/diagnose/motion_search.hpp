@@ -181,9 +181,15 @@ class MotionSearch {
              std::vector<WindowScore>& out) const;
   /// The stretches as a solution simulates them, as measured beyond its windows.
   std::vector<MotionStretch> simulated(const MotionSolution& at) const;
+  /// Simulated positions of windows.
+  std::vector<RowMatX<double>> positions(const MotionSolution& at,
+                                         const std::vector<MotionStretch>& stretches,
+                                         std::vector<MotionWindow> windows, bool fit_states) const;
+  /// Their errors, over the noise.
   std::vector<RowMatX<double>> errors(const MotionSolution& at,
                                       const std::vector<MotionStretch>& stretches,
-                                      std::vector<MotionWindow> windows, bool fit_states) const;
+                                      const std::vector<MotionWindow>& windows,
+                                      bool fit_states) const;
 
   Model base_;
   const MotionSearchData& data_;

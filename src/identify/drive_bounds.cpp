@@ -232,30 +232,32 @@ FitLayout with_held_derivatives(FitLayout layout) {
 
 void free_derivatives(const FitLayout& asked, const Model& model, const MotionData& data,
                       const MotionOptions& options, MotionClimb& climb) {
+  const MotionFit at = climb.fitter().now();
+  FitLayout layout = climb.layout();
+  VecX<double> shape = at.shape;
+  double freed = 0.0;
   for (std::size_t k = 0; k < asked.shape.size(); ++k) {
     if (asked.shape[k].fixed || !is_derivative_time(asked, asked.shape[k])) continue;
-    const MotionFit at = climb.fitter().now();
-    FitLayout layout = climb.layout();
     const auto value = [&](const char* end) {
       return value_at(layout, at, layout.shape[k].effect, end);
     };
     if (!(value(".reach") < kNoBound) || !(value(".stiffness") > 0.0)) continue;
     layout.shape[k].fixed = false;
-    VecX<double> shape = at.shape;
     shape[static_cast<long>(k)] = value(".damping") / value(".stiffness");
-    const MotionProblem problem{
-        model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
-    MotionFitter with(problem, options, at.x, shape);
-    std::vector<MotionWindow> windows = climb.at().windows;
-    with.fit(windows, kOnTheWay);
-    const MotionFit& fit = with.now();
-    const double independent = climb.independent();
-    if (fit.blown_up > at.blown_up ||
-        bic(fit.objective, 1.0, independent) + kVeryStrong > bic(at.objective, 0.0, independent))
-      continue;
-    climb.change(layout, fit.x, fit.shape, std::move(windows));
-    climb.finish(kOnTheWay);
+    freed += 1.0;
   }
+  if (freed == 0.0) return;
+  const MotionProblem problem{
+      model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
+  MotionFitter with(problem, options, at.x, shape);
+  std::vector<MotionWindow> windows = climb.at().windows;
+  with.fit(windows, kOnTheWay);
+  const MotionFit& fit = with.now();
+  const double independent = climb.independent();
+  if (fit.blown_up > at.blown_up ||
+      bic(fit.objective, freed, independent) + kVeryStrong > bic(at.objective, 0.0, independent))
+    return;
+  climb.change(layout, fit.x, fit.shape, std::move(windows));
 }
 
 void keep_described_torques(const Model& described, const MotionData& data,

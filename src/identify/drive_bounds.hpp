@@ -61,8 +61,8 @@ std::vector<std::string> release_bounds(const Model& model, const MotionData& da
 /// them, and a fit does not get from one to another through runs that saturate elsewhere.
 FitLayout with_held_derivatives(FitLayout layout);
 
-/// Frees them where the drive has a reach, and windows tell beyond doubt how much of the braking
-/// ends there: from all of it.
+/// Frees those of drives that have a reach, if windows tell beyond doubt how much of the braking
+/// ends there: from all of it. The climb's windows are then to be finished.
 /// @param asked  the layout before with_held_derivatives()
 void free_derivatives(const FitLayout& asked, const Model& model, const MotionData& data,
                       const MotionOptions& options, MotionClimb& climb);

@@ -22,30 +22,6 @@ bool goes_with(const BoundEffect& e, int joint, BenchGears gears) {
          !names_joints(e);
 }
 
-/// Torque that the joint's links ask of it in every row of a stretch, and their inertia about it.
-struct Load {
-  VecX<double> torque;   ///< (m) [N·m] or [N]
-  VecX<double> inertia;  ///< (m) [kg·m²] or [kg]
-  VecX<double> qdd;      ///< (m) of the joint [rad/s²] or [m/s²]
-};
-
-Load load_of(const Tree<double>& tree, const MotionStretch& s, double horizon, int joint) {
-  const long m = static_cast<long>(s.time.size());
-  Load out{VecX<double>(m), VecX<double>(m), VecX<double>(m)};
-  RneaWorkspace<double, double> rnea_ws;
-  MassMatrixWorkspace<double, double> mass_ws;
-  for (long k = 0, from = 0, end = 0; k < m; ++k) {
-    const double now = s.time[static_cast<std::size_t>(k)];
-    while (from < k && s.time[static_cast<std::size_t>(from)] < now - 0.5 * horizon) ++from;
-    while (end < m && s.time[static_cast<std::size_t>(end)] <= now + 0.5 * horizon) ++end;
-    const LocalMotion at = local_motion(s, now, from, end - from);
-    out.torque[k] = rnea<double, double>(tree, at.q, at.qd, at.qdd, rnea_ws)[joint];
-    out.inertia[k] = mass_matrix<double, double>(tree, at.q, mass_ws)(joint, joint);
-    out.qdd[k] = at.qdd[joint];
-  }
-  return out;
-}
-
 VecX<double> one(const VecX<double>& of, int joint) {
   return of.size() > 0 ? VecX<double>(of.segment(joint, 1)) : of;
 }
@@ -77,25 +53,87 @@ Model bench(const Model& whole, int joint, double inertia) {
   return out;
 }
 
-}  // namespace
-
-JointBench::JointBench(const Model& whole, const MotionData& data, const FitLayout& layout,
-                       double first, int joint)
-    : JointBench(whole, data, data.train, layout, first, joint, BenchGears::kLeftOut) {}
-
-JointBench::JointBench(const Model& whole, const MotionData& data,
-                       const std::vector<MotionStretch>& moves, const FitLayout& layout,
-                       double first, int joint, BenchGears gears) {
-  Model links = whole;
-  std::erase_if(links.effects, [](const EffectSpec& e) {
+Model without_torques(Model whole) {
+  std::erase_if(whole.effects, [](const EffectSpec& e) {
     return find_effect(e.effect).port != Port::kModelParameter;
   });
+  return whole;
+}
+
+/// Motion in a row by the rows beside it; at rest where some position is not there.
+LocalMotion differences(const MotionStretch& s, long k) {
+  const long m = static_cast<long>(s.time.size()), n = s.q.cols();
+  const auto known = [&](long row) { return row >= 0 && row < m && !s.q.row(row).hasNaN(); };
+  LocalMotion out{VecX<double>::Zero(n), VecX<double>::Zero(n), VecX<double>::Zero(n)};
+  if (!known(k)) return out;
+  out.q = s.q.row(k);
+  if (!known(k - 1) || !known(k + 1)) return out;
+  const auto time = [&](long row) { return s.time[static_cast<std::size_t>(row)]; };
+  const auto rate = [&](long from) -> VecX<double> {
+    return (s.q.row(from + 1) - s.q.row(from)).transpose() / (time(from + 1) - time(from));
+  };
+  out.qd = 0.5 * (rate(k - 1) + rate(k));
+  out.qdd = (rate(k) - rate(k - 1)) / (0.5 * (time(k + 1) - time(k - 1)));
+  return out;
+}
+
+}  // namespace
+
+/// Torque that the joint's links ask of it in every row of a stretch, and their inertia about it.
+struct JointBench::Load {
+  VecX<double> torque;   ///< (m) [N·m] or [N]
+  VecX<double> inertia;  ///< (m) [kg·m²] or [kg]
+  VecX<double> qdd;      ///< (m) of the joint [rad/s²] or [m/s²]
+
+  /// @param moves  motion in a row: (long) -> LocalMotion
+  template <class Moves>
+  Load(const Tree<double>& tree, std::size_t rows, int joint, const Moves& moves)
+      : torque(static_cast<long>(rows)), inertia(torque.size()), qdd(torque.size()) {
+    RneaWorkspace<double, double> rnea_ws;
+    MassMatrixWorkspace<double, double> mass_ws;
+    for (long k = 0; k < torque.size(); ++k) {
+      const LocalMotion at = moves(k);
+      torque[k] = rnea<double, double>(tree, at.q, at.qd, at.qdd, rnea_ws)[joint];
+      inertia[k] = mass_matrix<double, double>(tree, at.q, mass_ws)(joint, joint);
+      qdd[k] = at.qdd[joint];
+    }
+  }
+};
+
+JointBench::JointBench(const Model& whole, const MotionData& data, const FitLayout& layout,
+                       double first, int joint) {
+  const Model links = without_torques(whole);
   std::vector<Load> loads;
+  for (const MotionStretch& s : data.train) {
+    const long m = static_cast<long>(s.time.size());
+    long from = 0, end = 0;
+    loads.emplace_back(extend(links, data.runs, s.run).tree, s.time.size(), joint, [&](long k) {
+      const double now = s.time[static_cast<std::size_t>(k)];
+      while (from < k && s.time[static_cast<std::size_t>(from)] < now - 0.5 * first) ++from;
+      while (end < m && s.time[static_cast<std::size_t>(end)] <= now + 0.5 * first) ++end;
+      return local_motion(s, now, from, end - from);
+    });
+  }
+  make(whole, data, layout, loads, joint, BenchGears::kLeftOut);
+}
+
+JointBench::JointBench(const Model& whole, const MotionData& data,
+                       const std::vector<MotionStretch>& moves, const FitLayout& layout, int joint,
+                       BenchGears gears) {
+  const Model links = without_torques(whole);
+  std::vector<Load> loads;
+  for (const MotionStretch& s : moves)
+    loads.emplace_back(extend(links, data.runs, s.run).tree, s.time.size(), joint,
+                       [&](long k) { return differences(s, k); });
+  make(whole, data, layout, loads, joint, gears);
+}
+
+void JointBench::make(const Model& whole, const MotionData& data, const FitLayout& layout,
+                      const std::vector<Load>& loads, int joint, BenchGears gears) {
   double inertia = 0.0, rows = 0.0;
-  for (const MotionStretch& s : moves) {
-    loads.push_back(load_of(extend(links, data.runs, s.run).tree, s, first, joint));
-    inertia += loads.back().inertia.sum();
-    rows += static_cast<double>(s.time.size());
+  for (const Load& l : loads) {
+    inertia += l.inertia.sum();
+    rows += static_cast<double>(l.inertia.size());
   }
   inertia /= rows;
   model_ = bench(whole, joint, inertia);

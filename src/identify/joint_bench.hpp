@@ -2,8 +2,8 @@
 /// One joint of a robot as a robot of its own, on a bench: the others move as they were measured,
 /// or simulated, and what that, gravity and their loads ask of the joint is a torque that is known.
 /// Its drive's fit then has one degree of freedom, and steps as long as its own motion allows. Good
-/// for beginnings: accelerations are those of polynomials through positions. Internal to the
-/// library.
+/// for beginnings: accelerations are those of polynomials through measured positions. Internal to
+/// the library.
 
 #include "identify/motion_climb.hpp"
 
@@ -20,9 +20,9 @@ class JointBench {
   /// @param first  horizon over which positions are a polynomial [s]
   JointBench(const Model& whole, const MotionData& data, const FitLayout& layout, double first,
              int joint);
-  /// @param moves  stretches with the positions by which the robot moves, in place of measured ones
+  /// @param moves  stretches as they were simulated, without noise, where windows are
   JointBench(const Model& whole, const MotionData& data, const std::vector<MotionStretch>& moves,
-             const FitLayout& layout, double first, int joint, BenchGears gears);
+             const FitLayout& layout, int joint, BenchGears gears);
 
   const Model& model() const { return model_; }
   const MotionData& data() const { return data_; }
@@ -34,6 +34,10 @@ class JointBench {
   void put(const MotionBeginning& own, MotionBeginning& whole) const;
 
  private:
+  struct Load;
+  void make(const Model& whole, const MotionData& data, const FitLayout& layout,
+            const std::vector<Load>& loads, int joint, BenchGears gears);
+
   Model model_;
   MotionData data_;
   FitLayout layout_;

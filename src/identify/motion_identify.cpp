@@ -96,6 +96,7 @@ class MotionIdentification {
              options_.progress({"simulating", iteration, result_.summary.rows, objective});
     };
     const auto begin = has_gears(layout) ? beginning_with_gears : best_beginning;
+    asked_ = layout;
     from_ = begin(model_, data_, layout, ladder_, options_.motion, progress_);
     // A loop that is closed holds motion together: nothing adds up from horizon to horizon.
     closed_loop_ = std::ranges::all_of(commanded, std::identity());
@@ -177,7 +178,8 @@ class MotionIdentification {
     for (const double horizon : ladder_) {
       const bool first = horizon == ladder_.front(), last = horizon == ladder_.back();
       // Where the next horizon goes on, this one need not be exact.
-      const Rung rung = climb_->advance(horizon, last ? options_.motion.tolerance : kOnTheWay);
+      const bool goes_on = !last || closed_loop_;
+      const Rung rung = climb_->advance(horizon, goes_on ? kOnTheWay : options_.motion.tolerance);
       if (rung == Rung::kDrowned) {
         result_.notes.push_back(
             "windows end at " + format_number(climb_->reached()) + " s: over " +
@@ -188,6 +190,10 @@ class MotionIdentification {
       if ((rung == Rung::kFellBack || !climb_->whole()) && !closed_loop_)
         say_apart(climb_->apart(), horizon, !first);
       if (rung == Rung::kFellBack) break;
+      if (closed_loop_ && !fit().interrupted) {
+        free_derivatives(asked_, model_, data_, options_.motion, *climb_);
+        climb_->finish(options_.motion.tolerance);
+      }
       measure(horizon);
       if (!climb_->whole() || fit().interrupted) break;
     }
@@ -469,6 +475,7 @@ class MotionIdentification {
   MotionBeginning from_;
   std::optional<MotionClimb> climb_;
   VecX<double> begun_shape_;  ///< (s) as the model has them
+  FitLayout asked_;           ///< before beginnings hold what they leave out
   FitLayout nominal_layout_;  ///< parameters that the model has before the fit
   VecX<double> nominal_shape_;
   std::optional<MotionProblem> held_problem_, nominal_problem_, nominal_test_problem_;

@@ -342,7 +342,6 @@ MotionBeginning best_beginning(const Model& model, const MotionData& data, const
     }
   if (!best->fitter().now().interrupted)
     released = release_bounds(model, some, options, true, *best);
-  if (!best->fitter().now().interrupted) free_derivatives(asked, model, some, options, *best);
   MotionBeginning out = where_it_is(*best, trial);
   if (const MotionData more = pieces_of(data, out.layout, trial, kMorePieces);
       more.train.size() > some.train.size() && !best->fitter().now().interrupted) {

@@ -99,3 +99,23 @@ def test_a_cable_that_makes_a_drive_look_stiff_is_named(arm: diffnea.Model, tmp_
     low, high = cause["parameters"][0]["ci95"]
     assert low < CABLE < high
     assert found["gain"]["test_rmse_after"] < 0.25 * found["gain"]["test_rmse_before"]
+
+
+def test_a_load_that_the_description_lacks_is_a_payload(
+    arm: diffnea.Model, tmp_path: Path
+) -> None:
+    """The drives could take it for gains, friction and offsets of their own."""
+    # 0.2 kg at 0.16 m from the elbow: mass, centre and inertia of the last link with it.
+    own = '<inertial pos="0.09 0 0" mass="0.33" diaginertia="2e-4 1.2e-3 1.2e-3"/>'
+    more = '<inertial pos="0.11642 0 0" mass="0.53" diaginertia="2e-4 1.81e-3 1.81e-3"/>'
+    (tmp_path / "loaded.xml").write_text(ARM.replace(own, more))
+    loaded = diffnea.load_model(tmp_path / "loaded.xml").with_effects([])
+    found = result(
+        tmp_path, loaded, 0.0, "diagnose", "--effects", "payload,joint_spring,load_friction"
+    )
+    assert found["verdict"] == "NAMED", found["sentence"]
+    (cause,) = found["causes"]
+    assert cause["effect"] == "payload"
+    low, high = next(p["ci95"] for p in cause["parameters"] if p["name"] == "hx")
+    assert low < 0.2 * 0.16 < high
+    assert found["gain"]["test_rmse_after"] < 0.5 * found["gain"]["test_rmse_before"]

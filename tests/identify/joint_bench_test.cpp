@@ -111,6 +111,36 @@ TEST_CASE("joint bench: the other's motion is a torque that is known", "[identif
   CHECK(off < 0.01 * most);
 }
 
+TEST_CASE("joint bench: its gear goes with it, and the others move as they are simulated",
+          "[identify]") {
+  constexpr long kRows = 300;
+  Model model = arm();
+  model.effects.push_back({"backlash", "shoulder", {{"gap", 0.02, ""}}});
+  const MotionData data = recorded(kRows, 0.01);
+  FitChoice choice;
+  choice.fit = {"armature", "effects", "shapes"};
+  choice.effects = {"position_servo"};
+  choice.simulated = true;
+  const FitLayout layout = make_layout(model, choice, {0});
+  const JointBench bench(model, data, data.train, layout, 0, BenchGears::kTaken);
+  CHECK(bench.is_whole());
+  CHECK(std::ranges::any_of(bench.layout().effects,
+                            [](const BoundEffect& e) { return e.info().name == "backlash"; }));
+  CHECK_FALSE(JointBench(model, data, layout, 0.1, 0).is_whole());
+  const MotionStretch& s = bench.data().train.at(0);
+  CHECK(s.at_links);
+  const double inertia = bench.model().links[1].inertia.I.zz;
+  double most = 0.0, off = 0.0;
+  for (long k = 1; k + 1 < kRows; ++k) {
+    const Motion x = motion_at(s.time[static_cast<std::size_t>(k)]);
+    const double torque = shoulder_torque(x);
+    most = std::max(most, std::abs(torque));
+    off = std::max(off, std::abs(inertia * x.qdd[0] - s.u(k, 0) - torque));
+  }
+  // Differences over h = 0.01 s leave ω²h²/12 of an acceleration, and ω²h²/6 of a velocity.
+  CHECK(off < 1e-3 * most);
+}
+
 TEST_CASE("joint bench: what is of one instant and of the joint alone goes with it", "[identify]") {
   const Model model = arm();
   const FitLayout layout = servos(model);

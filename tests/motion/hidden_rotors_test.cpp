@@ -143,6 +143,23 @@ void check_derivatives(const Model& model, const MotionStretch& s, const MotionW
 
 }  // namespace
 
+TEST_CASE("hidden rotor: a torque at the link moves it within its gap, one at the drive does not",
+          "[motion]") {
+  constexpr double kGap = 0.03;
+  const Model model = with(with(two_masses(false), backlash(kGap, 0.0)),
+                           {"viscous_friction", "servo", {{"viscous", 5.0, ""}}});
+  MotionStretch s = rows(400, [](double t) { return 0.2 * std::sin(20.0 * t); });
+  const MotionWindow w{0, 0, 400, VecX<double>::Zero(2)};
+  const auto range = [&] {
+    const VecX<double> q = positions(model, s, w).col(0);
+    return q.maxCoeff() - q.minCoeff();
+  };
+  // The motor, which friction holds, swings by 0.2 / (5 · 20) = 2 mrad; alone, the link by 25 mrad.
+  CHECK(range() < 0.2 * kGap);
+  s.at_links = true;
+  CHECK(range() > 0.8 * kGap);
+}
+
 TEST_CASE("hidden rotors: a step of torque swings two masses as the closed form has it",
           "[motion]") {
   const double side = GENERATE(0.0, 1.0), stiffness = GENERATE(30.0, 2000.0);
