@@ -73,6 +73,12 @@ std::vector<Candidate> candidates_beside(const Model& base, const Asked& asked,
       finding.refused.push_back(
           {spec.effect, spec.where,
            "not tried: no row has a supply (a column voltage or voltage_JOINT [V], above 0)", 0.0});
+    else if (c.effect.info().has(Trait::kInertia) && !describes_gains(base))
+      finding.refused.push_back(
+          {spec.effect, spec.where,
+           "not tried: beside drives whose gains the description does not have, a mass is told as "
+           "a ratio to them",
+           0.0});
     else if (can_be_simulated(c, led)) {
       sharpen(noise, c.effect);
       out.push_back(std::move(c));

@@ -64,6 +64,9 @@ std::vector<double> other_scales(const MotionSolution& at, const EffectSpec& cau
   return {};
 }
 
+/// Tells whether an effect is a body that a link holds.
+bool is_body(const EffectSpec& effect) { return find_effect(effect.effect).has(Trait::kInertia); }
+
 }  // namespace
 
 int index_of(const FitLayout& layout, const EffectSpec& spec) {
@@ -71,6 +74,13 @@ int index_of(const FitLayout& layout, const EffectSpec& spec) {
     if (layout.effects[e].info().name == spec.effect && layout.effects[e].where == spec.where)
       return static_cast<int>(e);
   return -1;
+}
+
+bool describes_gains(const Model& model) {
+  return std::ranges::all_of(model.effects, [&](const EffectSpec& e) {
+    return e.effect != "position_servo" ||
+           std::ranges::find(model.links, e.where, &ModelLink::joint)->servo;
+  });
 }
 
 bool is_chosen(const ParameterInfo& p) { return !p.search.empty() && std::isfinite(p.most); }
@@ -143,6 +153,18 @@ MotionSolution MotionSearch::at_scale(MotionSolution of, const std::string& join
   return of;
 }
 
+MotionSolution MotionSearch::with_described_gains(MotionSolution of) const {
+  for (const ModelLink& link : of.model.links) {
+    const std::string gain = link.joint + ".position_servo.stiffness";
+    const auto known = std::ranges::find(of.layout.linear, gain, &FitParameter::name);
+    if (!link.servo || known == of.layout.linear.end() || known->fixed) continue;
+    of = at_scale(std::move(of), link.joint,
+                  link.servo->kp / of.fit.x[known - of.layout.linear.begin()]);
+    of.held.push_back(gain);
+  }
+  return of;
+}
+
 MotionSearch::Known& MotionSearch::known(const std::vector<EffectSpec>& terms,
                                          const std::vector<std::string>& held) {
   std::vector<std::string> key = names_of(terms);
@@ -166,9 +188,14 @@ MotionSolution MotionSearch::solve(const std::vector<EffectSpec>& terms,
       if (!holds_effect(terms, t)) {
         std::erase_if(one.model.effects, [&](const EffectSpec& e) { return same_effect(e, t); });
         std::erase_if(one.held, [&](const std::string& pattern) {
-          return pattern.starts_with(t.where + "." + t.effect + ".");
+          return pattern.starts_with(t.where + "." + t.effect + ".") ||
+                 (is_body(t) && pattern.ends_with(".position_servo.stiffness"));
         });
       }
+    const auto is_new = [&](const EffectSpec& t) {
+      return is_body(t) && !holds_effect(one.terms, t);
+    };
+    if (start && std::ranges::any_of(terms, is_new)) return with_described_gains(std::move(one));
     return one;
   };
   Known& of = known(terms, with_terms(from).held);

@@ -44,6 +44,9 @@ bool is_chosen(const ParameterInfo& p);
 /// law: it is scored by a few steps of a fit, which take long.
 bool is_scored_by_steps(const BoundEffect& effect);
 
+/// Tells whether the description has a gain of every drive of a model.
+bool describes_gains(const Model& model);
+
 /// Data of a search, which outlive it.
 struct MotionSearchData {
   const RecordingSource& train;
@@ -141,6 +144,9 @@ class MotionSearch {
                         double to_beat = kInfinity) const;
   /// The solution with all that a joint's drive does times a factor; not fitted.
   MotionSolution at_scale(MotionSolution of, const std::string& joint, double by) const;
+  /// The solution with the gains of drives held at the description's: beside a body of unknown mass
+  /// they would be told as ratios to it, but for what the other links weigh.
+  MotionSolution with_described_gains(MotionSolution of) const;
   bool may_be_rigid(const MotionSolution& at, int gear) const;
   bool may_be_none(const MotionSolution& at, const EffectSpec& term) const;
   /// Columns of a term's linear parameters that are fitted.

@@ -104,7 +104,10 @@ def test_a_cable_that_makes_a_drive_look_stiff_is_named(arm: diffnea.Model, tmp_
 def test_a_load_that_the_description_lacks_is_a_payload(
     arm: diffnea.Model, tmp_path: Path
 ) -> None:
-    """The drives could take it for gains, friction and offsets of their own."""
+    """The gains are the description's: with others, a mass would be a ratio to them."""
+    drives = [f'<position joint="{j}"/>' for j in arm.joint_names]
+    known = [d.replace("/>", f' kp="{k}"/>') for d, k in zip(drives, GAIN, strict=True)]
+    (tmp_path / "arm.xml").write_text(ARM.replace("".join(drives), "".join(known)))
     # 0.2 kg at 0.16 m from the elbow: mass, centre and inertia of the last link with it.
     own = '<inertial pos="0.09 0 0" mass="0.33" diaginertia="2e-4 1.2e-3 1.2e-3"/>'
     more = '<inertial pos="0.11642 0 0" mass="0.53" diaginertia="2e-4 1.81e-3 1.81e-3"/>'
