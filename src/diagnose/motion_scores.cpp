@@ -42,7 +42,7 @@ bool is_scored_by_steps(const BoundEffect& effect) {
   return hides_motor(effect) || effect.info().has(Trait::kOfServo);
 }
 
-/// What the bench of a joint tells of an effect there.
+/// Score of an effect on the bench of its joint.
 struct MotionSearch::OnBench {
   std::vector<MotionSolution> begun;     ///< the best of each side, but for those of no use
   std::optional<WindowScore> useless{};  ///< the score where none is of use

@@ -114,7 +114,7 @@ class MotionSearch {
  private:
   struct Variant;  // a candidate at one point of its grid
   struct OnBench;
-  /// What scores beside a solution share, each made where it is asked for.
+  /// Parts that scores beside a solution share, each made where it is asked for.
   struct Beside {
     std::optional<MotionSolution> brief;              ///< the same terms, fitted to brief_
     std::optional<std::vector<MotionStretch>> moves;  ///< stretches as it simulates them
