@@ -19,10 +19,30 @@ namespace {
 /// effect's column be known, and its angle. The positions' noise shrinks it: 8 % observed.
 constexpr double kColumnError = 0.04, kAngleError = 0.01;
 
+/// Eigenvalue of columns of length 1, below which no row tells of their combination.
+constexpr double kUntold = 1e-6;
+
 /// Information on a shape beforehand: its logarithm is known to 1, as of the base's friction. One that no
 /// row tells must not make a size look like none: of a gear that never brakes, the losses when it
 /// brakes.
 double shape_information(const ParameterInfo& p) { return scale(p) == Scale::kLog ? 1.0 : 0.0; }
+
+/// Parameters at their bounds that no row tells, or only with others: a half of an asymmetric
+/// friction beside the base's, which has what both have in common.
+/// @param K  (parameters, parameters) products of columns of length 1; of length 0 if untold alone
+std::vector<long> held_at_bounds(const MatX<double>& K, const std::vector<bool>& at_bound) {
+  std::vector<long> out;
+  if (std::ranges::none_of(at_bound, std::identity())) return out;
+  const Eigen::SelfAdjointEigenSolver<MatX<double>> eigen(K);
+  for (long k = 0; k < K.cols(); ++k)
+    for (long e = 0; e < K.cols(); ++e)
+      if (at_bound[k] && eigen.eigenvalues()[e] < kUntold &&
+          std::abs(eigen.eigenvectors()(k, e)) > 0.1) {
+        out.push_back(k);
+        break;
+      }
+  return out;
+}
 
 /// Variances where rows are no independent ones but go with the motion, by blocks of time, the
 /// same of every period together (Liang and Zeger 1986, eq. 6).
@@ -67,17 +87,17 @@ void set_log_interval(CauseParameter& p, double log_std, double most) {
 
 std::vector<MatX<double>> covariances(const Search& search, const std::vector<Term>& terms) {
   std::vector<Beside> columns;
-  std::vector<long> held;  // at their bounds, and untold
+  std::vector<bool> at_bound;
   long width = 0;
   for (const Term& t : terms) {
     MatX<double> J(search.evidence().rows(), t.width() + std::ssize(t.shapes));
     J << t.columns, search.evidence().columns(t.effect, t.shapes);
     const std::vector<bool> nonnegative = signs(t.effect, t.linear);
     for (long k = 0; k < t.width(); ++k) {
-      if (!nonnegative[k] || t.values()[k] != 0.0 || t.told(k)) continue;
-      J.col(k).setZero();
-      held.push_back(width + k);
+      at_bound.push_back(nonnegative[k] && t.values()[k] == 0.0);
+      if (at_bound.back() && !t.told(k)) J.col(k).setZero();
     }
+    at_bound.resize(at_bound.size() + t.shapes.size(), false);
     width += J.cols();
     columns.push_back(search.projection().beside(J));
   }
@@ -95,7 +115,12 @@ std::vector<MatX<double>> covariances(const Search& search, const std::vector<Te
   }
   VecX<double> scale = K.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
   K = scale.asDiagonal() * K * scale.asDiagonal();
-  for (const long k : held) K(k, k) = 1.0;
+  const std::vector<long> held = held_at_bounds(K, at_bound);
+  for (const long k : held) {
+    K.row(k).setZero();
+    K.col(k).setZero();
+    K(k, k) = 1.0;
+  }
   K.diagonal().array() += 1e-9;
   MatX<double> C = K.llt().solve(MatX<double>::Identity(width, width));
   for (const long k : held) C(k, k) = 0.0;
