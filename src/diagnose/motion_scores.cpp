@@ -207,11 +207,14 @@ std::optional<MotionSearch::OnBench> MotionSearch::begun_on_bench(
   for (std::size_t k = 0; k < brief_.size(); k += (brief_.size() + kPieces - 1) / kPieces)
     measured.push_back(brief_[k]);
   set_measured_states(bench.data().train, first, measured);
+  bool stopped = false;
   const auto fit = [&](const FitLayout& l, int steps, double to_beat) {
     std::vector<MotionWindow> windows = measured;
     const MotionProblem of{
         bench.model(), l, bench.data().train, bench.data().runs, bench.data().noise.position, {}};
-    return steps_of(of, l.prior(), windows, steps, to_beat);
+    MotionFit now = steps_of(of, l.prior(), windows, steps, to_beat);
+    stopped = stopped || now.interrupted;
+    return now;
   };
   const auto is_its = [&](const FitParameter& p) { return p.effect == there; };
   // The joint without it takes back what the bench is off by, as it does with it.
@@ -235,6 +238,7 @@ std::optional<MotionSearch::OnBench> MotionSearch::begun_on_bench(
               .shape = now.shape};
     };
     const auto offer = [&](std::size_t i) {
+      if (stopped) return;
       FitLayout l = bench.layout();
       std::vector<double>& values = l.effects[static_cast<std::size_t>(there)].parameters;
       for (std::size_t k = 0; k < values.size(); ++k) values[k] = side[i].parameters[k].value;
@@ -250,6 +254,7 @@ std::optional<MotionSearch::OnBench> MotionSearch::begun_on_bench(
     for (std::size_t i = 0; i < side.size(); i += 2) offer(i);
     for (const std::size_t i : {chosen - 1, chosen + 1})
       if (i < side.size()) offer(i);
+    if (stopped) return OnBench{};
     if (!(least < kInfinity)) continue;
     FitLayout from = best.layout;
     for (std::size_t k = 0; k < from.linear.size(); ++k)
