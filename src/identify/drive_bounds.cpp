@@ -39,6 +39,30 @@ std::vector<std::size_t> free_bounds(const FitLayout& layout) {
   return out;
 }
 
+/// Fits the windows of a climb with a layout that holds other shapes, and goes on there unless that
+/// is worse. Runs that blow up are not in the objective: without them it would look better.
+/// @param shape  (s) where it begins, all else as it is
+/// @param more   parameters that it has more
+/// @param worse  ΔBIC by which it may be worse; below 0: must be better
+/// @return whether it went on
+bool go_on_with(FitLayout layout, const VecX<double>& shape, double more, double worse,
+                const Model& model, const MotionData& data, const MotionOptions& options,
+                MotionClimb& climb) {
+  const MotionFit at = climb.fitter().now();
+  const MotionProblem problem{
+      model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
+  MotionFitter other(problem, options, at.x, shape);
+  std::vector<MotionWindow> windows = climb.at().windows;
+  other.fit(windows, kOnTheWay);
+  const MotionFit fit = other.now();
+  const double independent = climb.independent();
+  if (fit.blown_up > at.blown_up ||
+      bic(fit.objective, more, independent) > bic(at.objective, 0.0, independent) + worse)
+    return false;
+  climb.change(std::move(layout), fit.x, fit.shape, std::move(windows));
+  return true;
+}
+
 /// Leaves bounds out and fits the rest anew: a delay makes up for a speed that hardly shows. A
 /// bound that is not there holds back what was not seen: it must be beyond doubt.
 /// @return whether the windows do without them
@@ -51,19 +75,9 @@ bool leave_out(const std::vector<std::size_t>& bounds, const Model& model, const
     layout.shape[k].fixed = true;
     layout.shape[k].prior = shape[static_cast<long>(k)] = no_bound(layout, layout.shape[k]);
   }
-  const MotionProblem problem{
-      model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
-  MotionFitter without(problem, options, at.x, shape);
-  std::vector<MotionWindow> windows = climb.at().windows;
-  without.fit(windows, kOnTheWay);
-  const MotionFit& fit = without.now();
-  const double independent = climb.independent();
-  // Runs that blow up are not in the objective: without them it would look better.
-  if (fit.blown_up > at.blown_up ||
-      bic(fit.objective, 0.0, independent) >
-          bic(at.objective, static_cast<double>(bounds.size()), independent) + kVeryStrong)
+  if (!go_on_with(std::move(layout), shape, -static_cast<double>(bounds.size()), kVeryStrong, model,
+                  data, options, climb))
     return false;
-  climb.change(layout, fit.x, fit.shape, std::move(windows));
   climb.finish(kOnTheWay);
   return true;
 }
@@ -247,17 +261,7 @@ void free_derivatives(const FitLayout& asked, const Model& model, const MotionDa
     freed += 1.0;
   }
   if (freed == 0.0) return;
-  const MotionProblem problem{
-      model, layout, data.train, data.runs, data.noise.position, climb.beginning().scale};
-  MotionFitter with(problem, options, at.x, shape);
-  std::vector<MotionWindow> windows = climb.at().windows;
-  with.fit(windows, kOnTheWay);
-  const MotionFit& fit = with.now();
-  const double independent = climb.independent();
-  if (fit.blown_up > at.blown_up ||
-      bic(fit.objective, freed, independent) + kVeryStrong > bic(at.objective, 0.0, independent))
-    return;
-  climb.change(layout, fit.x, fit.shape, std::move(windows));
+  go_on_with(std::move(layout), shape, freed, -kVeryStrong, model, data, options, climb);
 }
 
 void keep_described_torques(const Model& described, const MotionData& data,

@@ -61,7 +61,8 @@ EffectSpec& drive_at(Model& model, const std::string& joint) {
     servo.parameters = {{"stiffness", link.servo->kp, ""}, {"damping", link.servo->kd, ""}};
     if (std::isfinite(link.limits.effort) && link.limits.effort > 0.0 && link.servo->kp > 0.0) {
       servo.parameters.push_back({"reach", link.limits.effort / link.servo->kp, ""});
-      servo.parameters.push_back({"derivative_time", link.servo->kd / link.servo->kp, ""});
+      if (link.servo->kd > 0.0)
+        servo.parameters.push_back({"derivative_time", link.servo->kd / link.servo->kp, ""});
     }
   }
   model.effects.push_back(std::move(servo));

@@ -17,8 +17,7 @@ namespace diffnea {
 /// @param part  links and joints that move there are found in `whole` by name
 /// @return what is not put, one phrase each: "payload at tip"
 /// @throws ModelError if a link or joint is not there or moves otherwise; if a lump, less what
-/// moves
-///         in `whole`, is no body
+///         moves in `whole`, is no body
 std::vector<std::string> graft(Model& whole, const Model& part);
 
 }  // namespace diffnea
